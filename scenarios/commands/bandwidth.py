@@ -1,7 +1,6 @@
 """`hmtb bandwidth`: does the 1 Hz finding hold? Recovered against true and published bandwidths."""
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,7 +8,7 @@ import tyro
 
 from scenarios.commands.output import (
     draw,
-    output_folder,
+    optional_folder,
     plain,
     print_json,
     print_table,
@@ -99,25 +98,23 @@ def bandwidth(
     }
     _check_data(data, [name for name, value in of_arm.items() if value is not None])
     from scenarios.experiments.campaign import Condition
-    from scenarios.experiments.waveform import check_seed, seed_range
+    from scenarios.experiments.waveform import check_seed
     from scenarios.identification.bandwidth_study import from_logs, from_simulation
 
-    check_seed(0 if seed is None else seed)
-    with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
+    check_seed(seed or 0)
+    joints_studied = JOINTS if joints is None else joints
+    tests_studied = TESTS if tests is None else tests
+    with optional_folder(out, *FILES, overwrite=overwrite) as folder:
         if data is not None:
             study = from_logs(
                 _read(data), methods, best_linear=not no_bla, seed=seed or 0, threads=threads, stage=progress
             )
         else:
-            # Without --seed and --seeds the record is the scenario's own.
-            is_scenarios_own = seed is None and seeds in (None, 1)
-            first_seed = 1 if seed is None else seed
-            seed_list = [None] if is_scenarios_own else seed_range(1 if seeds is None else seeds, first_seed)
             study = from_simulation(
-                JOINTS if joints is None else joints,
+                joints_studied,
                 methods,
-                TESTS if tests is None else tests,
-                seeds=tuple(seed_list),
+                tests_studied,
+                seeds=_seeds(seed, seeds),
                 condition=Condition(variant or "nominal", not no_friction),
                 duration=duration,
                 best_linear=not no_bla,
@@ -144,6 +141,17 @@ def _check_data(data: Sequence[Path] | None, of_arm: Sequence[str]) -> None:
         raise ScenarioError(f"--data takes arm and tests from the logs; leave out {contradicting}")
     if not data:
         raise ScenarioError("--data given without a log, expected one or more")
+
+
+def _seeds(first: int | None, count: int | None) -> tuple[int | None, ...]:
+    """Seeds of the records; None stands for the scenario's own, of a single record without --seed."""
+    from scenarios.experiments.waveform import seed_range
+
+    if first is None and count in (None, 1):
+        return (None,)
+    start = 1 if first is None else first
+    number_of_seeds = 1 if count is None else count
+    return tuple(seed_range(number_of_seeds, start))
 
 
 def _read(paths: Sequence[Path]) -> "list[JointLog]":

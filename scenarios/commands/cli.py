@@ -45,7 +45,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit code: 0 done, 1 a check found a difference, 2 bad input, 130 interrupted.
     """
     _open_streams()
-    words = list(sys.argv[1:] if arguments is None else arguments) or ["--help"]
+    words = [*sys.argv[1:]] if arguments is None else [*arguments]
+    words = words or ["--help"]
     call: partial[int] | str = ""
     try:
         if words in (["--version"], ["version"]):

@@ -121,25 +121,14 @@ def compare(
         )
     remarks = [str(warning.message) for warning in caught]
     if estimated and (estimation_records is None or same_samples(records, estimation_records)):
-        source = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
-        remarks.append(f"{estimated}: identified from {source}, so that the fit is no validation (--estimation)")
+        origin = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
+        remarks.append(f"{estimated}: identified from {origin}, so that the fit is no validation (--estimation)")
     if out is not None:
         draw(lambda: outputs_figure(parts, judged, f"{data.name}: simulated outputs", piece), out)
     if json:
-        first = parts[0]
-        print_json(
-            {
-                "data": data,
-                "estimation": (estimation or data) if estimated else None,
-                "inputs": first.input_names,
-                "outputs": first.output_names,
-                "samples": sum(map(len, parts)),
-                "dt": first.dt,
-                "models": [model.record() for model in judged],
-                "warnings": remarks,
-                "figure": out,
-            }
-        )
+        source = (estimation or data) if estimated else None
+        record = {**_json_record(parts, judged, data), "estimation": source, "warnings": remarks, "figure": out}
+        print_json(record)
         return 0
     _print(parts, judged, data, estimation)
     say_each("warning: ", remarks)
@@ -151,6 +140,19 @@ def compare(
     return 0
 
 
+def _json_record(parts: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path) -> dict[str, object]:
+    """The record and the models on it as JSON."""
+    first = parts[0]
+    return {
+        "data": data,
+        "inputs": first.input_names,
+        "outputs": first.output_names,
+        "samples": sum(map(len, parts)),
+        "dt": first.dt,
+        "models": [model.record() for model in judged],
+    }
+
+
 def _print(parts: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path, estimation: Path | None) -> None:
     """Print the table of the models, the record that they are identified from, and remarks, each once."""
     from scenarios.identification.model_comparison import comparison_table
@@ -159,11 +161,14 @@ def _print(parts: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Pat
     title = f"Models on {data.name}, {sum(map(len, parts))} samples every {first.dt:g} s"
     table = comparison_table(judged, first.output_names or (), title)
     print_table(table.title, table.columns, table.rows)
-    say_each("identified from: ", [estimation] if estimation else [])
+    if estimation is not None:
+        say_each("identified from: ", [estimation])
     labels_of_remark: dict[str, list[str]] = {}
     for model in judged:
         for remark in model.remarks:
             labels_of_remark.setdefault(remark, []).append(model.label)
     for remark, labels in labels_of_remark.items():
         # Remarks on printed models name their equation themselves.
-        say(f"note: {remark}" if labels[0].startswith("published") else f"{', '.join(labels)}: {remark}")
+        is_of_print = labels[0].startswith("published")
+        subject = "note" if is_of_print else ", ".join(labels)
+        say(f"{subject}: {remark}")

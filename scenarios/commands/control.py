@@ -1,7 +1,6 @@
 """`hmtb control`: the ground arm made to answer like the flight arm, and how well it does."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ import tyro
 from scenarios.commands.output import (
     draw,
     json_text,
-    output_folder,
+    optional_folder,
     print_json,
     print_table,
     progress,
@@ -114,11 +113,13 @@ def control(
     plant = Plant(friction_level=friction_level)
     draws: list[Tested] = []
     for draw_seed in seed_range(seeds, seed):
+        # A single run has the noise of the scenario itself.
+        scenario_seed = None if seeds == 1 else draw_seed
         for word in scenarios or DEFAULT:
             if word == MULTISINE:
                 draws.append(replace(frequency_test(draw_seed), plant=plant, payload=payload))
                 continue
-            for scenario in selected([word], duration=duration, seed=None if seeds == 1 else draw_seed):
+            for scenario in selected([word], duration=duration, seed=scenario_seed):
                 # Of the default scenarios, a thesis waveform says all in a part of its four minutes.
                 is_shortened = not scenarios and duration is None and scenario.excitation
                 length = WAVEFORM_SECONDS if is_shortened else scenario.duration
@@ -130,7 +131,7 @@ def control(
     # A model from a file has no arm to simulate.
     arm = reference if reference in VARIANTS else None
     names = ("control.json", *(f"{name}.json" for name in designers))  # logs and figures come with these
-    with nullcontext() if out is None else output_folder(out, *names, overwrite=overwrite) as folder:
+    with optional_folder(out, *names, overwrite=overwrite) as folder:
         with progress("identification") as bar:
             ground = record or replace(identification_experiment(seed=seed), payload=payload, plant=plant)
             pair = identify_pair(seed, ground=ground, reference=reference, threads=threads, progress=bar)
@@ -247,7 +248,8 @@ def _error_cells(result: "ControlResult") -> list[str]:
         return [*cells, "failed", "", "", "", ""]
     factor, limited = f"{without.total / controlled.total:.2g}", f"{100 * controlled.limited:.2g}"
     forces = "" if np.isnan(without.force) else f"{without.force:.0f} / {controlled.force:.0f}"
-    return [*cells, _millirad(controlled), factor, limited, forces, "yes" if controlled.stable else "NO"]
+    stable = "yes" if controlled.stable else "NO"
+    return [*cells, _millirad(controlled), factor, limited, forces, stable]
 
 
 def _millirad(score: "Score") -> str:

@@ -76,16 +76,17 @@ def convert(
             f"{len(records)} tests ({', '.join(names)}) need a folder; choose one by --test, or give one"
         )
     file_names = _file_names(names, sources[0].stem, target, may_collide=is_single_file)
-    places = [out] if is_single_file else [out / name for name in file_names]
-    with output_folder(out.parent if is_single_file else out):
-        check_files(*places, overwrite=overwrite)
+    folder = out.parent if is_single_file else out
+    paths_out = [out] if is_single_file else [out / name for name in file_names]
+    with output_folder(folder):
+        check_files(*paths_out, overwrite=overwrite)
         if target == "1553":
-            bus = record_run(records, places[0])
+            bus = record_run(records, paths_out[0])
             written = [bus.path]
             if bus.message:  # the recorder's memory may be too small
                 warnings.append(bus.message)
         else:
-            written = [write_record(record, place) for record, place in zip(records, places, strict=True)]
+            written = [write_record(record, path) for record, path in zip(records, paths_out, strict=True)]
     notes = unnamed(records, target, [path.stem for path in written])
     code = 1 if damages else 0
     if json:
@@ -95,7 +96,8 @@ def convert(
     rows = []
     for k, record in enumerate(records):
         file = written[min(k, len(written) - 1)]  # a run of several tests is one file
-        rows.append((record.name, str(file), f"{len(record) * record.dt:g} s", str(int(record.lost.sum()))))
+        lost_ticks = int(record.lost.sum())
+        rows.append((record.name, str(file), f"{len(record) * record.dt:g} s", str(lost_ticks)))
     print_table(counted(len(written), "file"), ("test", "file", "length", "ticks lost"), rows)
     say_each("warning: ", warnings)
     for note in notes:

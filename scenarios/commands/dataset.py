@@ -292,8 +292,10 @@ def _print_baselines(rows: Sequence[Mapping[str, str]], different: Mapping[str, 
     horizon = "simulation" if first["steps"] == "0" else f"steps: {first['steps']}"
     cells = []
     for row in rows:
-        values = [f"{float(row[name]):.5g}" if row[name] else "" for name in scores]
-        cells.append([row["method"], row["orders"], *values])
+        line = [row["method"], row["orders"]]
+        for name in scores:
+            line.append(f"{float(row[name]):.5g}" if row[name] else "")  # a failed baseline has no score
+        cells.append(line)
     columns = ["method", "orders", *(name.replace("test_", "test\n") for name in scores)]
     print_table(f"{first['metric']} / {first['unit']}, {horizon}", columns, cells)
     for row in rows:

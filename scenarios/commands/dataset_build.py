@@ -86,8 +86,10 @@ def build(
                 paths, failed = build_withheld(plan, out, withhold, persons=persons, seed=seed, build=make)
                 outcome = _withheld(paths, failed, withhold)
         except KeyboardInterrupt:
-            kept = _kept(latest, out / (plan.label + UNFINISHED))
-            raise KeyboardInterrupt(f"finished experiments kept in {withhold}" if withhold else kept) from None
+            kept = f"finished experiments kept in {withhold}"
+            if withhold is None:
+                kept = _kept(latest, out / (plan.label + UNFINISHED))
+            raise KeyboardInterrupt(kept) from None
     if json:
         print_json(outcome.record)
     else:

@@ -53,7 +53,8 @@ def grade(
         return code
     _print_scores(graded)
     _print_models(graded)
-    say_each("nothing from: ", [", ".join(missing)] if missing else [])
+    if missing:
+        say_each("nothing from: ", [", ".join(missing)])
     say_each("refused: ", (f"{name}: {why}" for name, why in refused.items()))
     return code
 
@@ -78,7 +79,8 @@ def _print_models(graded: "Mapping[str, Grade]") -> None:
     for name, outcome in graded.items():
         for model in outcome.models:
             bandwidths = (f"{model.bandwidth_hz:.4g}", f"{model.true_hz:.4g}", f"{model.error_percent:.3g}")
-            rows.append((name, model.joint, *bandwidths, "" if model.stable else "no"))
+            stable = "" if model.stable else "no"
+            rows.append((name, model.joint, *bandwidths, stable))
     if rows:
         columns = ("submission", "joint", "bandwidth / Hz", "true, small-signal", "error / %", "stable")
         print_table("models", columns, rows)

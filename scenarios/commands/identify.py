@@ -151,13 +151,15 @@ def identify(
     for table in result_tables(found):
         print_table(table.title, table.columns, table.rows)
     say_each("warning: ", remarks)
-    say_each("model: ", [save] if save else [])
+    if save is not None:
+        say_each("model: ", [save])
     say_each("figure: ", pictures)
     if save is None and pictures:
         again = {**options, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
         say(f"next: {command_line('hmtb identify', identify, again)}")
     elif save is not None and save.suffix == ".json":
-        of_record = {"data": data[0], "models": (str(save),), "joint": (joint,) if joint else ()}
+        joints = (joint,) if joint else ()
+        of_record = {"data": data[0], "models": (str(save),), "joint": joints}
         judging = {**options, **of_record, "out": None, "overwrite": False}
         say(f"next: {command_line('hmtb compare', compare, judging)}")
     return 0

@@ -62,7 +62,9 @@ def motion(
             raise ScenarioError(f"every experiment failed, the first: {reason}")
         record = motion_record(campaign, scored, failed)
         table = [cell.record() for cell in scored]
-        columns = dict.fromkeys(name for row in table for name in row)
+        columns: dict[str, None] = {}  # in the sequence in which they come first: cells differ in what they know
+        for row in table:
+            columns |= dict.fromkeys(row)
         files = [folder / "motion.json", folder / "motion.csv"]
         write_whole(files[0], json_text(record))
         write_whole(files[1], table_text(columns, table))

@@ -7,10 +7,10 @@ import re
 import shlex
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from hmtb_twin.files.atomic_write import check_place, result_folder
 from hmtb_twin.files.errors import system_reason
@@ -49,10 +49,10 @@ def plain(value: object) -> object:
     return value if isinstance(value, bool | int | str | None) else str(value)
 
 
-def say(text: str) -> None:
+def say(line: str) -> None:
     """Write a line on stdout."""
     end_activity()
-    sys.stdout.write(visible(text) + "\n")
+    sys.stdout.write(visible(line) + "\n")
 
 
 def say_each(label: str, items: Iterable[object]) -> None:
@@ -73,7 +73,8 @@ def say_next_identify(path: Path, name: str, joints: Sequence[str], *, tests: in
     test = ("--test", name) if tests > 1 else ()
     # Tests of Cartesian axes excite no single joint.
     excited = [joint for joint in joints if joint in JOINTS]
-    say_next("identify", path, *test, "--joint", excited[0] if excited else "elbow_pitch")
+    joint = excited[0] if excited else "elbow_pitch"
+    say_next("identify", path, *test, "--joint", joint)
 
 
 def counted(count: int, noun: str) -> str:
@@ -108,7 +109,8 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     table.show_header = any(columns)
     for k, column in enumerate(columns):
         is_number = any(columns) and _is_mostly_numbers([row[k] for row in rows])
-        table.add_column(column, justify="right" if is_number else "left", overflow="fold")
+        side: Literal["right", "left"] = "right" if is_number else "left"
+        table.add_column(column, justify=side, overflow="fold")
     for row in rows:
         table.add_row(*map(one_line, row))
     end_activity()
@@ -243,3 +245,12 @@ def output_folder(path: Path, *files: str, overwrite: bool = False) -> Iterator[
             raise ScenarioError(f"cannot write to folder {str(path)!r}: {why}") from error
         check_files(*(path / name for name in files), overwrite=overwrite)
         yield path
+
+
+def optional_folder(
+    path: Path | None, *files: str, overwrite: bool = False
+) -> AbstractContextManager[Path] | AbstractContextManager[None]:
+    """The folder of --out as `output_folder` makes it; nothing where the option was not given."""
+    if path is None:
+        return nullcontext()
+    return output_folder(path, *files, overwrite=overwrite)

@@ -80,7 +80,10 @@ def simulate(
             result = hmtb_twin.simulate(list(scenarios.values()), threads=threads, progress=bar)
         files, remarks = _write(result.logs, folder, formats, faults)
     reviews = {log.name: review(log, scenarios[log.name]) for log in result.logs}
-    warnings = [f"{name}: {warning}" for name, reviewed in reviews.items() for warning in reviewed.warnings] + remarks
+    warnings: list[str] = []
+    for name, reviewed in reviews.items():
+        warnings += [f"{name}: {warning}" for warning in reviewed.warnings]
+    warnings += remarks
     if json:
         print_json(_json_record(result, list(files), reviews, warnings))
     else:
@@ -181,7 +184,8 @@ def _print(
     if any(reviewed.velocity_limited for reviewed in reviews.values()):
         say(RATE_LIMITED)
     for name, reviewed in reviews.items():
-        say_each(f"{name}: ", [reviewed.task] if reviewed.task else [])
+        if reviewed.task:
+            say_each(f"{name}: ", [reviewed.task])
         say_each(f"{name}: ", reviewed.shutdowns)
     say_each("warning: ", warnings)
     if "csv" in formats:

@@ -66,7 +66,8 @@ def thesis(
     from scenarios.thesis.study import planned_steps, run_study
 
     motion_results = read_motion(motion)
-    repeated = seed_range(seeds, 1 if seed is None else seed)
+    first_seed = 1 if seed is None else seed
+    repeated = seed_range(seeds, first_seed)
     duration, conditions = (QUICK, CONDITIONS[:1]) if quick else (None, CONDITIONS)
     with ExitStack() as stack:
         files = _replaced_files(out, figures=figures, logs=logs)
@@ -115,8 +116,9 @@ def thesis(
         record |= {"certainty": certainty, "responses": answer.record()}
         # Before the logs: a disk that is full with them costs no conclusion.
         write_whole(folder / "results.json", json_text(record))
-        for log in comparison.logs.values() if logs else ():
-            write_log(log, folder / f"{log.name}.nc")
+        if logs:
+            for log in comparison.logs.values():
+                write_log(log, folder / f"{log.name}.nc")
     failures = _failures(comparison.failed, conclusions)
     if json:
         print_json(record)

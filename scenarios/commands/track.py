@@ -1,7 +1,6 @@
 """`hmtb track`: bandwidth and delay that follow a record, and when the arm changed."""
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from scenarios.commands.identify import identify
-from scenarios.commands.output import draw, output_folder, print_json, print_table, progress, say, say_each, say_next
+from scenarios.commands.output import draw, optional_folder, print_json, print_table, progress, say, say_each, say_next
 from scenarios.commands.usage import command_line
 from scenarios.files.errors import ScenarioError
 
@@ -92,7 +91,7 @@ def track(
     path = Path(data)
     # A name without ending is a scenario's, unless there is a file of that name.
     is_record = path.suffix != ".toml" and path.exists()
-    with nullcontext() if out is None else output_folder(out, *FILES, overwrite=overwrite) as folder:
+    with optional_folder(out, *FILES, overwrite=overwrite) as folder:
         remarks: list[str] = []
         log: JointLog | None
         if is_record:

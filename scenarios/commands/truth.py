@@ -117,7 +117,8 @@ def truth(
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
     if density is not None and not maps:
         raise ScenarioError(f"--density {density:g} given without --maps")
-    grid = Density.scaled(1.0 if density is None else density)
+    factor = 1.0 if density is None else density
+    grid = Density.scaled(factor)
     if maps and out is not None and out.suffix in FIGURES:
         raise ScenarioError(f"--out {out} given with --maps, expected a folder for figures, tables and a page")
     if out is not None and not maps:

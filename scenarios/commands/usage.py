@@ -173,7 +173,8 @@ def completion_script(
     tables = {words: _completions(command, known) for words, command in commands.items()}
     templates = Environment(loader=PackageLoader("scenarios"), trim_blocks=True, lstrip_blocks=True)
     # zsh runs the completions of bash.
-    template = templates.get_template(f"completion.{'fish' if shell == 'fish' else 'bash'}.j2")
+    syntax = "fish" if shell == "fish" else "bash"
+    template = templates.get_template(f"completion.{syntax}.j2")
     return template.render(shell=shell, groups=groups, commands=tables)
 
 
@@ -289,7 +290,8 @@ def _missing_options(rows: Sequence[str]) -> str:
     for row, help_text in pairwise(rows):
         if help_text.endswith("(required)"):
             name, _, metavar = row.partition(" ")
-            needed.append(f"{name} ({KINDS.get(metavar, metavar)})" if metavar else name)
+            kind = f" ({KINDS.get(metavar, metavar)})" if metavar else ""
+            needed.append(f"{name}{kind}")
     return f"missing {', '.join(needed)}"
 
 
@@ -309,4 +311,5 @@ def _unknown_words(words: str, program: str, similar: Sequence[str]) -> str:
         return f"unknown option {words.split()[0]!r}{hint}"
     is_single = " " not in words
     hint = f"; did you mean {STRAY[program]} {words}?" if is_single and program in STRAY else ""
-    return f"unexpected argument{'' if is_single else 's'} {words!r}{hint}"
+    noun = "argument" if is_single else "arguments"
+    return f"unexpected {noun} {words!r}{hint}"

@@ -249,7 +249,10 @@ def leaderboard(
     table = standing(rows)
     cells = []
     for row in table.rows:
-        cells.append([f"{cell.text} {cell.verdict.sign}" if cell.verdict else cell.text for cell in row])
+        texts = []
+        for cell in row:
+            texts.append(f"{cell.text} {cell.verdict.sign}" if cell.verdict else cell.text)
+        cells.append(texts)
     print_table(table.caption, table.columns, cells)
     say_each("note: ", notes(rows))
     say(RULE)

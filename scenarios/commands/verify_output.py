@@ -68,11 +68,15 @@ def _metric_record(metric: Metric) -> dict[str, Any]:
     problems = []
     for problem in metric.parts:
         # JSON has no infinity, and null would be a limit that is not known.
-        ends = [str(end) if math.isinf(end) else end for end in problem.limits]
+        ends = [_json_number(end) for end in problem.limits]
         problems.append(vars(problem) | {"limits": ends})
     keys = ("title", "value", "unit", "expected", "interval", "passed", "false_alarm", "why")
     values = {key: getattr(metric, key) for key in keys}
     return {**values, "verdict": verdict(metric).word, "parts": problems}
+
+
+def _json_number(value: float) -> float | str:
+    return str(value) if math.isinf(value) else value
 
 
 def _show_metrics(result: Result) -> None:
@@ -98,7 +102,9 @@ def _show_failures(result: Result) -> None:
 
 def _show_side_by_side(results: Sequence[Result]) -> None:
     # Runs of chosen figures may have others than their neighbours.
-    names = dict.fromkeys(name for result in results for name in result.metrics)
+    names: dict[str, None] = {}
+    for result in results:
+        names |= dict.fromkeys(result.metrics)
     rows = []
     for name in names:
         metrics = [result.metrics.get(name) for result in results]

@@ -64,7 +64,8 @@ def video(
     cameras = _cameras(camera)
     # Of a picture's scenario only what lies before it is simulated.
     needed = 0.0 if out is not None and out.suffix == ".png" else duration
-    log = load_or_simulate(name, seed=seed, until=None if needed is None else start + needed)
+    until = None if needed is None else start + needed
+    log = load_or_simulate(name, seed=seed, until=until)
     path = Path(f"{log.name}.mp4") if out is None else out
     check_files(path, overwrite=overwrite)
     end = len(log) * log.dt

@@ -94,11 +94,11 @@ def waveform(
     from scenarios.experiments.waveform import write_points
     from scenarios.report.figures import save_figure
 
-    stated = {
-        name: value
-        for name, value in options.items()
-        if name not in NOT_OPTIONS and value is not None and value is not False
-    }
+    stated = {}
+    for name, value in options.items():
+        is_stated = value is not None and value is not False
+        if is_stated and name not in NOT_OPTIONS:
+            stated[name] = value
     excitation = _excitation(kind, stated, path, repeat_frequency)
     check_excites(excitation)
     wave = excitation.waveform()

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,47 +83,50 @@ class BandwidthStudy:
             """The numbers in a reason differ from row to row."""
             return re.sub(r"\d+(\.\d+)?(e[+-]?\d+)?", "#", row.reasons[0])
 
-        by_reason = grouped((row for row in self.rows if row.refused), reason)
-        return tuple(
-            f"{len(rows)} of {len(self.rows)} ({', '.join(dict.fromkeys(METHODS[row.method] for row in rows))}), "
-            f"{'e.g. ' if len(rows) > 1 else ''}{rows[0].scenario}: {rows[0].reasons[0]}"
-            for rows in by_reason.values()
-        )
+        refused = [row for row in self.rows if row.refused]
+        lines = []
+        for rows in grouped(refused, reason).values():
+            methods = ", ".join(dict.fromkeys(METHODS[row.method] for row in rows))
+            example = "e.g. " if len(rows) > 1 else ""
+            lines.append(
+                f"{len(rows)} of {len(self.rows)} ({methods}), {example}{rows[0].scenario}: {rows[0].reasons[0]}"
+            )
+        return tuple(lines)
 
     def answers(self) -> tuple[str, ...]:
         """Say whether the 1 Hz finding holds: the verdict, then what it rests on."""
-        printed = published_in_words(self.joints)
-        texts = (
-            ""
-            if self.duration is None or self.duration >= FULL
-            else f"This is a look, not a result: the records are {self.duration:g} s long instead of 240 s.",
+        sentences = [
             verdict(self.rows),
             best_linear_in_words(self.rows),
             recovered_in_words(self.rows),
             coverage_in_words(self.rows),
-            f"Published: {printed}" if printed else "",
-        )
-        return tuple(filter(None, texts))
+        ]
+        if self.duration is not None and self.duration < FULL:
+            look = f"This is a look, not a result: the records are {self.duration:g} s long instead of 240 s."
+            sentences.insert(0, look)
+        printed = published_in_words(self.joints)
+        if printed:
+            sentences.append(f"Published: {printed}")
+        return tuple(filter(None, sentences))
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb bandwidth --json` prints."""
-        truths = {joint: self.truth.joint(joint) for joint in self.joints}
+        true, printed = {}, {}
+        for joint in self.joints:
+            truth = self.truth.joint(joint)
+            true[joint] = {"hz": truth.bandwidth_hz, "half_power_hz": half_power_hz(truth.model)}
+            printed[joint] = {model.label: model.bandwidth_hz for model in published(joint)}
+        best_linear = []
+        for approximation in self.best_linear.values():
+            numbers = {name: value for name, value in vars(approximation).items() if name != "response"}
+            best_linear.append({**numbers, "excitation": approximation.described})
         return {
             "rows": [row.record() for row in self.rows],
             "answer": " ".join(self.answers()),
             "condition": self.condition,
-            "true": {
-                joint: {"hz": truth.bandwidth_hz, "half_power_hz": half_power_hz(truth.model)}
-                for joint, truth in truths.items()
-            },
-            "best_linear": [
-                {
-                    **{name: value for name, value in vars(one).items() if name != "response"},
-                    "excitation": one.described,
-                }
-                for one in self.best_linear.values()
-            ],
-            "published": {joint: {one.label: one.bandwidth_hz for one in published(joint)} for joint in self.joints},
+            "true": true,
+            "best_linear": best_linear,
+            "published": printed,
             "failed": dict(self.failed),
             "duration": self.duration,
         }
@@ -156,9 +160,9 @@ def from_simulation(
     Raises:
         ScenarioError: An unknown joint, method or test, no seed, tests too short, or every experiment failed.
     """
-    for what, values in (("joints", joints), ("methods", methods), ("tests", tests), ("seeds", seeds)):
+    for name, values in (("joints", joints), ("methods", methods), ("tests", tests), ("seeds", seeds)):
         if not values:
-            raise ScenarioError(f"no {what} given, expected one or more")
+            raise ScenarioError(f"no {name} given, expected one or more")
     for joint, method in itertools.product(joints, methods):
         structure(joint, method)  # refuses unknown names before any work begins
     for test in tests:
@@ -167,33 +171,55 @@ def from_simulation(
     if duration is not None and not duration >= SHORTEST:
         raise ScenarioError(f"a duration of {duration:g} s given, {ENOUGH}")
     condition = condition or Condition()
-    recordings, failed = list[Recording](), dict[str, str]()
-    names = [(test, joint) for test in dict.fromkeys(tests) for joint in dict.fromkeys(joints)]
+    pairs = [(test, joint) for test in dict.fromkeys(tests) for joint in dict.fromkeys(joints)]
+    recordings, failed = _simulated(pairs, seeds, condition, duration, threads, stage)
+    if not recordings:
+        reasons = "; ".join(f"{name}: {why}" for name, why in failed.items())
+        raise ScenarioError(f"every experiment failed: {reasons}")
+    first_seed = None
+    if best_linear:
+        first_seed = next((seed for seed in seeds if seed is not None), 0)
+    arm = _StudiedArm(str(condition), condition.arm(), OPERATING_POSE)
+    return _study(recordings, methods, arm, first_seed, threads, stage, failed=failed, duration=duration)
+
+
+def _simulated(
+    pairs: Sequence[tuple[int, str]],
+    seeds: Sequence[int | None],
+    condition: Condition,
+    duration: float | None,
+    threads: int | None,
+    stage: Stage,
+) -> tuple[list[Recording], dict[str, str]]:
+    """Records of tests and joints for all seeds, and the reasons of experiments that failed."""
+    recordings: list[Recording] = []
+    failed: dict[str, str] = {}
     with stage("simulate") as step:
-        for number, seed in enumerate(seeds):
-            plan = {
-                (test, joint): condition.applied(
-                    campaign_scenario(single_joint_test(test, joint), seed=seed, duration=duration)
-                )
-                for test, joint in names
-            }
+        for k, seed in enumerate(seeds):
+            plan = {}
+            for test, joint in pairs:
+                scenario = campaign_scenario(single_joint_test(test, joint), seed=seed, duration=duration)
+                plan[test, joint] = condition.applied(scenario)
             simulated = simulate(
                 list(plan.values()),
                 threads=threads,
-                progress=lambda part, whole, before=number: step(before * whole + part, len(seeds) * whole),  # type: ignore[misc]
+                progress=lambda done, total, before=k: step(before * total + done, len(seeds) * total),  # type: ignore[misc]
             )
             logs = {log.name: log for log in simulated.logs}
             failed |= {f"{name}, seed {seed}": why for name, why in simulated.failed.items()}
-            recordings += [
-                Recording(joint, str(test), seed, prepared(logs[setting.name], joint), setting)
-                for (test, joint), setting in plan.items()
-                if setting.name in logs
-            ]
-    if not recordings:
-        raise ScenarioError(f"every experiment failed: {'; '.join(f'{name}: {why}' for name, why in failed.items())}")
-    first = next((seed for seed in seeds if seed is not None), 0) if best_linear else None
-    known = (str(condition), condition.arm(), OPERATING_POSE)
-    return _study(recordings, methods, known, first, threads, stage, failed=failed, duration=duration)
+            for (test, joint), setting in plan.items():
+                if setting.name in logs:
+                    data = prepared(logs[setting.name], joint)
+                    recordings.append(Recording(joint, str(test), seed, data, setting))
+    return recordings, failed
+
+
+class _StudiedArm(NamedTuple):
+    """Arm of a study: its conditions in words, the arm, and its pose."""
+
+    condition: str
+    arm: Arm
+    pose: str
 
 
 def from_logs(
@@ -221,51 +247,64 @@ def from_logs(
     """
     if not methods:
         raise ScenarioError("no methods given, expected one or more")
-    recordings = list[Recording]()
+    recordings = [_recording_of(log, methods) for log in logs]
+    arm = _common_arm(logs, recordings)
+    _check_distinct(logs)
+    shortest = min(len(log) * log.dt for log in logs)
+    duration = shortest if shortest < FULL else None
+    return _study(recordings, methods, arm, seed if best_linear else None, threads, stage, duration=duration)
+
+
+def _recording_of(log: JointLog, methods: Sequence[str]) -> Recording:
+    """The record of a log that excites one joint, long enough to settle."""
+    if len(log.axes) != 1:
+        raise ScenarioError(f"{log.name} excites {', '.join(log.axes)}; expected a log that excites one joint")
+    (joint,) = log.axes
+    for method in methods:
+        structure(joint, method)  # refuses joints and methods that are not studied
+    if round(len(log) * log.dt, 9) < SHORTEST:
+        raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
+    if "scenario" not in log.provenance:
+        raise ScenarioError(f"{log.name}: its provenance lacks scenario; expected a log of hmtb simulate")
+    setting = Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
+    # The thesis' tests go by number, others by name.
+    numbers = {single_joint_test(number, joint): str(number) for number in SINGLE_JOINT}
+    return Recording(joint, numbers.get(log.name, log.name), log.seed, prepared(log, joint), setting)
+
+
+def _common_arm(logs: Sequence[JointLog], recordings: Sequence[Recording]) -> _StudiedArm:
+    """The arm of all logs; several have no common truth."""
     arms: dict[tuple[object, ...], tuple[Arm, str, str]] = {}
-    for log in logs:
-        if len(log.axes) != 1:
-            raise ScenarioError(f"{log.name} excites {', '.join(log.axes)}; expected a log that excites one joint")
-        (joint,) = log.axes
-        for method in methods:
-            structure(joint, method)
-        if round(len(log) * log.dt, 9) < SHORTEST:
-            raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
-        if "scenario" not in log.provenance:
-            raise ScenarioError(f"{log.name}: its provenance lacks scenario; expected a log of hmtb simulate")
-        arm = logged_arm(log)
-        setting = Scenario.from_toml(log.provenance["scenario"], source=f"{log.name}, its scenario")
-        key = (arm.variant, arm.payload, *vars(arm.plant).values(), arm.specimen, arm.friction, setting.pose)
-        arms.setdefault(key, (arm, setting.pose, log.name))
-        # The thesis' tests go by number, others by name.
-        numbers = {single_joint_test(number, joint): str(number) for number in SINGLE_JOINT}
-        recordings.append(Recording(joint, numbers.get(log.name, log.name), log.seed, prepared(log, joint), setting))
+    for log, recording in zip(logs, recordings, strict=True):
+        arm, pose = logged_arm(log), recording.setting.pose
+        key = (arm.variant, arm.payload, *vars(arm.plant).values(), arm.specimen, arm.friction, pose)
+        arms.setdefault(key, (arm, pose, log.name))
     if len(arms) > 1:
+        names = ", ".join(name for *_, name in arms.values())
         raise ScenarioError(
-            f"the logs are of {len(arms)} arms or conditions ({', '.join(name for *_, name in arms.values())}); "
+            f"the logs are of {len(arms)} arms or conditions ({names}); "
             "expected one, whose truth they are compared with"
         )
-    for log, other in itertools.combinations(logs, 2):
-        # A record that comes twice, under its own name or another, whole or cut, would count as two.
-        common = min(len(log), len(other))
-        same = np.array_equal(log.measured[:common], other.measured[:common])
-        if same or (log.name, log.seed) == (other.name, other.seed):
-            raise ScenarioError(
-                f"the log of {other.name}, seed {other.seed}, is given twice"
-                + (f", also as {log.name}, seed {log.seed}" if log.name != other.name else "")
-                + "; expected every record once"
-            )
     ((arm, pose, _),) = arms.values()
-    shortest = min(len(log) * log.dt for log in logs)
-    known = (str(Condition(arm.variant, arm.friction)), arm, pose)
-    duration = shortest if shortest < FULL else None
-    return _study(recordings, methods, known, seed if best_linear else None, threads, stage, duration=duration)
+    return _StudiedArm(str(Condition(arm.variant, arm.friction)), arm, pose)
+
+
+def _check_distinct(logs: Sequence[JointLog]) -> None:
+    """Refuse a record that comes twice, under its own name or another, whole or cut: it would count as two."""
+    for log, other in itertools.combinations(logs, 2):
+        common = min(len(log), len(other))
+        is_same = np.array_equal(log.measured[:common], other.measured[:common])
+        if is_same or (log.name, log.seed) == (other.name, other.seed):
+            second_name = f", also as {log.name}, seed {log.seed}" if log.name != other.name else ""
+            raise ScenarioError(
+                f"the log of {other.name}, seed {other.seed}, is given twice{second_name}; expected every record once"
+            )
 
 
 def _study(
     recordings: Sequence[Recording],
     methods: Sequence[str],
-    known: tuple[str, Arm, str],
+    arm: _StudiedArm,
     seed: int | None,
     threads: int | None,
     stage: Stage,
@@ -275,27 +314,28 @@ def _study(
 ) -> BandwidthStudy:
     """Recover bandwidths joint by joint in the thesis' order, then test by test, then seed by seed.
 
-    `known` has the condition in words, the arm and its pose; without a seed, best linear approximations are left out.
+    Without a seed, best linear approximations are left out.
     """
-    condition, arm, pose = known
-    truth = linearize(arm, pose, amplitudes=())
-    in_order = sorted(recordings, key=lambda one: list(STRUCTURES).index(one.joint))
+    truth = linearize(arm.arm, arm.pose, amplitudes=())
+    joints = list(STRUCTURES)
+    in_order = sorted(recordings, key=lambda recording: joints.index(recording.joint))
     groups = grouped(in_order, attrgetter("joint", "test"))
-    approximations, rows = dict[tuple[str, str], BestLinearOfTest](), list[RecoveredBandwidth]()
+    approximations: dict[tuple[str, str], BestLinearOfTest] = {}
     if seed is not None:
         with stage("best linear approximation") as step:
             for (joint, test), group in groups.items():
                 step(len(approximations), len(groups))
-                records = [one.data for one in group]
+                records = [recording.data for recording in group]
                 approximations[joint, test] = best_linear_of_test(
                     group[0].setting, records, test=test, seed=seed, threads=threads
                 )
     chosen = list(dict.fromkeys(methods))
+    rows: list[RecoveredBandwidth] = []
     with stage("identify") as step:
         for (joint, test), group in groups.items():
             bla = approximations.get((joint, test))
             interval = None if bla is None else (bla.hz, *bla.ci95)
-            for one, method in itertools.product(group, chosen):
-                rows.append(recover(one, method, truth.joint(joint).bandwidth_hz, interval))
+            for recording, method in itertools.product(group, chosen):
+                rows.append(recover(recording, method, truth.joint(joint).bandwidth_hz, interval))
                 step(len(rows), len(recordings) * len(chosen))
-    return BandwidthStudy(condition, tuple(rows), truth, approximations, failed, duration)
+    return BandwidthStudy(arm.condition, tuple(rows), truth, approximations, failed, duration)

@@ -123,15 +123,21 @@ def seven_joints(
 ) -> SevenJoints:
     """Identify the seven-joint model from existing records; see `campaign`."""
     origin = {"setting": SETTING, "seed": str(experiments[0].multisines.seed)}
-    whole = approximated(experiments, logs, JOINTS, physics_seconds=physics_seconds, origin=origin)
-    response, truth = whole.servo.response, whole.small_signal
-    gain = np.abs(truth.model.frequency_response(response.frequencies))
-    band, paths = whole.bandwidth, []
+    approximation = approximated(experiments, logs, JOINTS, physics_seconds=physics_seconds, origin=origin)
+    response, truth = approximation.servo.response, approximation.small_signal
+    band = approximation.bandwidth
+    paths = []
     for k, (joint, delay) in enumerate(zip(JOINTS, _delays(logs), strict=True)):
         model = joint_model(response, joint, delay)
         paths.append(SevenJointPath(truth.joint(joint), model, model.bandwidth().path(), band.path(k, k), delay))
-    true_gain, coupled = np.sqrt((gain**2).mean(axis=0)), gain.max(axis=0) > FLOOR
-    return SevenJoints(whole, tuple(paths), band_gain(whole.servo), true_gain, coupled)
+    true_gain = np.abs(truth.model.frequency_response(response.frequencies))
+    return SevenJoints(
+        approximation,
+        tuple(paths),
+        band_gain(approximation.servo),
+        true_gain=np.sqrt((true_gain**2).mean(axis=0)),
+        coupled=true_gain.max(axis=0) > FLOOR,
+    )
 
 
 def joint_model(response: FrequencyResponse, joint: str, delay: int) -> Estimate:
@@ -140,14 +146,15 @@ def joint_model(response: FrequencyResponse, joint: str, delay: int) -> Estimate
     Models that are slower than the lowest line are left out where others are there: their gain at 0 Hz is anyone's.
     """
     k = JOINTS.index(joint)
-    own = response.select(inputs=[k], outputs=[k])
+    of_joint = response.select(inputs=[k], outputs=[k])
     with warnings.catch_warnings():
         # Orders too high have poorly determined parameters: that is why the criterion chooses.
         warnings.simplefilter("ignore", SysidWarning)
-        fits = [sysid.fit_response(own, nb, nf, max(delay, 0), known_variance=False) for nb, nf in ORDERS]
+        fits = [sysid.fit_response(of_joint, nb, nf, max(delay, 0), known_variance=False) for nb, nf in ORDERS]
+    # Modulus of a real pole whose corner lies at the lowest line.
     slowest = np.exp(-2.0 * np.pi * response.frequencies[0] * response.dt)
-    known = [fit for fit in fits if np.abs(fit.poles()).max() < slowest]
-    return min(known or fits, key=lambda fit: fit.bic)
+    fast_enough = [fit for fit in fits if np.abs(fit.poles()).max() < slowest]
+    return min(fast_enough or fits, key=lambda fit: fit.bic)
 
 
 def _delays(logs: Sequence[JointLog]) -> list[int]:

@@ -45,9 +45,9 @@ def simulate_loop(
         value = 0.0
         for i in range(nf):
             past = t - 1 - i
-            known = z[past] if past >= 0 else standing
-            value -= f[i] * known
-            dz[t, nb + i] -= known
+            earlier = z[past] if past >= 0 else standing
+            value -= f[i] * earlier
+            dz[t, nb + i] -= earlier
             if past >= 0:
                 dz[t] -= f[i] * dz[past]
             else:
@@ -147,19 +147,22 @@ def hammerstein_loop(
         )
     if len(widths) != len(parts):
         raise ScenarioError(f"hammerstein: {len(widths)} widths of the dead zone given for {len(parts)} records")
-    command = float(np.concatenate([part.u for part in parts]).mean())
-    levels = [float(part.y.mean() - part.u.mean()) + command for part in parts]
-    start = sysid.oe([part.subtract(u=part.u.mean(axis=0), y=part.y.mean(axis=0)) for part in parts], nb, nf, nk)
+    command = float(np.concatenate([record.u for record in parts]).mean())
+    levels = [float(record.y.mean() - record.u.mean()) + command for record in parts]
+    centred = [record.subtract(u=record.u.mean(axis=0), y=record.y.mean(axis=0)) for record in parts]
+    start = sysid.oe(centred, nb, nf, nk)
     polynomials = start.polynomials or Polynomials()
     b = polynomials.B[nk:]
     theta = np.array([*b, *(polynomials.F[1:] - np.pad(b, (0, nf - nb)))])
-    spread = float(np.concatenate([part.y for part in parts]).std())
-    loops = [HammersteinLoop(theta, nb, nk - 1, one, command, 0.0, spread) for one in (*widths, width)]
-    simulations = {id(part): loop.simulated for part, loop in zip(parts, loops, strict=False)}
+    spread = float(np.concatenate([record.y for record in parts]).std())
+    model = HammersteinLoop(theta, nb, nk - 1, width, command, 0.0, spread)
+    # Every arm has a dead zone of its own, and the loop its coefficients.
+    loops = [replace(model, width=of_arm) for of_arm in widths]
+    simulations = {id(record): loop.simulated for record, loop in zip(parts, loops, strict=True)}
 
-    def simulate(shared: np.ndarray, own: np.ndarray, part: IOData) -> tuple[np.ndarray, np.ndarray]:
-        return simulations[id(part)](shared, own, part)
+    def simulate(shared: np.ndarray, private: np.ndarray, record: IOData) -> tuple[np.ndarray, np.ndarray]:
+        return simulations[id(record)](shared, private, record)
 
-    own = [np.array([level, 0.0]) for level in levels]
-    theta, own = fit_simulation(simulate, theta, own, parts)
-    return replace(loops[-1], theta=theta, level=float(np.mean([one[0] for one in own])))
+    starts = [np.array([level, 0.0]) for level in levels]
+    theta, fitted = fit_simulation(simulate, theta, starts, parts)
+    return replace(model, theta=theta, level=float(np.mean([private[0] for private in fitted])))

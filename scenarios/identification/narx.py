@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
+from typing import NamedTuple
 
 import numpy as np
 
@@ -142,10 +143,12 @@ class Narx:
 
     def past_inputs(self, u: np.ndarray) -> np.ndarray:
         """Inputs u(t-nk) to u(t-nk-nb+1) at every t, one input after the other (N, nu nb); 0 before the record."""
-        most = self.nk + self.nb
-        padded = np.concatenate([np.zeros((most, u.shape[1])), u])
-        lags = [padded[most - self.nk - k : len(padded) - self.nk - k] for k in range(self.nb)]
-        return np.stack(lags, axis=2).reshape(len(u), -1)
+        before = self.nk + self.nb
+        padded = np.concatenate([np.zeros((before, u.shape[1])), u])
+        lagged = []
+        for lag in range(self.nk, self.nk + self.nb):
+            lagged.append(padded[before - lag : len(padded) - lag])
+        return np.stack(lagged, axis=2).reshape(len(u), -1)
 
     def __str__(self) -> str:
         """Its orders as in a spec."""
@@ -179,41 +182,63 @@ def narx(parts: Sequence[IOData], na: int, nb: int, nk: int, degree: int) -> Nar
             f"{MOST_CANDIDATES} or less; lower na, nb or degree"
         )
     lags = max(na, nk + nb - 1)
-    shortest = min(len(part) - max(part.window, lags) for part in parts)
+    shortest = min(len(record) - max(record.window, lags) for record in parts)
     if shortest < 1:
         raise ScenarioError(f"narx orders {na} {nb} {nk} {degree} given, a record has no sample behind {lags} lags")
-    signals = np.concatenate([np.hstack([part.u, part.y]) for part in parts])
+    signals = np.concatenate([np.hstack([record.u, record.y]) for record in parts])
     levels, spreads = signals.mean(axis=0), signals.std(axis=0)
-    weights = record_weights(parts) * spreads[-1]
     # The constant counts as a regressor of degree 0: products of fewer factors are filled up with it.
     factors = np.array(list(combinations_with_replacement(range(1 + na + nu * nb), degree)))
+    # A channel that does not move has no scale.
     empty = Narx(na, nb, nk, factors, np.zeros(count), levels, np.where(spreads > 0.0, spreads, 1.0))
-    scaled = [empty.scaled(part) for part in parts]
-    firsts = [max(part.window, lags) for part in parts]
-    triangle, samples = np.zeros((0, count + 1)), 0
-    for (inputs, y), weight, first in zip(scaled, weights, firsts, strict=True):
+    records = []
+    for record, weight in zip(parts, record_weights(parts) * spreads[-1], strict=True):
+        inputs, y = empty.scaled(record)
+        records.append(_Regression(inputs, y, weight, max(record.window, lags)))
+    triangle, samples = _candidate_triangle(records, na, factors)
+    terms, _ = forward_regression(triangle, samples)
+    with np.errstate(all="ignore"):  # models that diverge overflow
+        models = (_with_terms(empty, triangle, terms[:number]) for number in range(1, len(terms) + 1))
+        return min(models, key=lambda model: _simulation_error(model, records), default=empty)
+
+
+class _Regression(NamedTuple):
+    """Scaled past inputs and outputs of a record, its weight, and its first sample with a full past."""
+
+    inputs: np.ndarray
+    y: np.ndarray
+    weight: float
+    first: int
+
+
+def _candidate_triangle(records: Sequence[_Regression], na: int, factors: np.ndarray) -> tuple[np.ndarray, int]:
+    """Triangle of all candidate terms and the output over the records (m + 1, m + 1), and the number of samples."""
+    triangle, samples = np.zeros((0, len(factors) + 1)), 0
+    for inputs, y, weight, first in records:
         past = np.stack([y[first - lag : len(y) - lag] for lag in range(1, na + 1)], axis=1)
         rows = np.column_stack([np.ones(len(past)), past, inputs[first:]])
         table = weight * np.column_stack([rows[:, factors].prod(axis=2), y[first:]])
         # One triangle after the other: all rows at once may take a gigabyte.
         triangle = np.asarray(np.linalg.qr(np.concatenate([triangle, table]), mode="r"))
         samples += len(table)
-    terms, _ = forward_regression(triangle, samples)
+    return triangle, samples
 
-    def model(number: int) -> Narx:
-        columns = triangle[:, terms[:number]]
-        lengths = np.linalg.norm(columns, axis=0)
-        solution = np.linalg.lstsq(columns / lengths, triangle[:, -1], rcond=None)[0]
-        return replace(empty, factors=factors[terms[:number]], coefficients=solution / lengths)
 
-    def simulation_error(one: Narx) -> float:
-        total = 0.0
-        for (inputs, y), weight, first in zip(scaled, weights, firsts, strict=True):
-            error = weight * (one.run(inputs, y, first, len(y)) - y[first:])
-            larger = one.run(MARGIN * inputs, y, first, len(y))
-            bounded = np.abs(error).max() < DIVERGED and np.abs(larger).max() < DIVERGED
-            total += float(error @ error) if bounded else math.inf
-        return total
+def _with_terms(empty: Narx, triangle: np.ndarray, terms: np.ndarray) -> Narx:
+    """The model with some of the candidate terms, fitted by least squares."""
+    columns = triangle[:, terms]
+    # Powers differ by orders of magnitude: columns of unit length make the solution well conditioned.
+    lengths = np.linalg.norm(columns, axis=0)
+    solution = np.linalg.lstsq(columns / lengths, triangle[:, -1], rcond=None)[0]
+    return replace(empty, factors=empty.factors[terms], coefficients=solution / lengths)
 
-    with np.errstate(all="ignore"):
-        return min((model(number) for number in range(1, len(terms) + 1)), key=simulation_error, default=empty)
+
+def _simulation_error(model: Narx, records: Sequence[_Regression]) -> float:
+    """Weighted squares of the simulation errors; infinite for a model that does not stay bounded."""
+    total = 0.0
+    for inputs, y, weight, first in records:
+        error = weight * (model.run(inputs, y, first, len(y)) - y[first:])
+        larger = model.run(MARGIN * inputs, y, first, len(y))
+        is_bounded = np.abs(error).max() < DIVERGED and np.abs(larger).max() < DIVERGED
+        total += float(error @ error) if is_bounded else math.inf
+    return total

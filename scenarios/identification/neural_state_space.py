@@ -118,7 +118,8 @@ class NeuralStateSpace:
         n, nu, h = self.states, record.nu, self.neurons
         shapes = ((n, n), (n, nu), (n,), (1,), (n, h), (h, n + nu), (h,))
         cuts = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
-        A, B, C, level, W, V, b = (a.reshape(s) for a, s in zip(np.split(theta, cuts), shapes, strict=True))
+        blocks = zip(np.split(theta, cuts), shapes, strict=True)
+        A, B, C, level, W, V, b = (values.reshape(shape) for values, shape in blocks)
         with np.errstate(all="ignore"):
             y, slopes = simulate_neural(A, B, C, float(level[0]), W, V, b, np.ascontiguousarray(x0), record.u)
         return y, slopes
@@ -174,33 +175,40 @@ def neural_ss(
         raise ScenarioError(f"neural_ss orders {order} {neurons} given, expected an order and neurons of 1 or more")
     nu = parts[0].nu
     n = order * nu  # states of `oe`: a block for each input
-    count, samples = n * (n + nu) + n + 1 + neurons * (2 * n + nu + 1), sum(len(part) for part in parts)
+    count, samples = n * (n + nu) + n + 1 + neurons * (2 * n + nu + 1), sum(len(record) for record in parts)
     if count > min(MOST_PARAMETERS, samples):
         raise ScenarioError(
             f"neural_ss orders {order} {neurons} given: {count} parameters, expected {MOST_PARAMETERS} or less, and "
             f"not more than the {samples} samples"
         )
-    signals = np.concatenate([np.hstack([part.u, part.y]) for part in parts])
+    signals = np.concatenate([np.hstack([record.u, record.y]) for record in parts])
     levels, spreads = signals.mean(axis=0), signals.std(axis=0)
     if not (spreads > 0.0).all():
         raise ScenarioError("neural_ss: an input or the output is constant, which identifies nothing")
-    scaled = [in_units(part, levels, spreads) for part in parts]
-    # Each about its own means: else a pole at 1 would explain the levels of the records instead of their dynamics.
-    centred = [part.subtract(u=part.u.mean(axis=0), y=part.y.mean(axis=0)) for part in scaled]
-    linear = sysid.oe(centred, order, order).model
-    starts = [initial_state(linear, part) for part in scaled]
-    tracks = [state_trajectory(linear.A, p.u @ linear.B.T, x0) for p, x0 in zip(scaled, starts, strict=True)]
-    size = np.concatenate(tracks).std(axis=0)
-    size[size == 0.0] = 1.0
-    linear = replace(linear, A=linear.A * size / size[:, None], B=linear.B / size[:, None], C=linear.C * size)
+    scaled = [in_units(record, levels, spreads) for record in parts]
+    linear, starts = _linear_start(scaled, order)
     rng = np.random.default_rng(seed)
-    motion = [float(part.y.std()) for part in scaled]
+    motion = [float(record.y.std()) for record in scaled]
     steep = np.geomspace(1.0, 1.0 / min(1.0, *motion), neurons)
     V = steep[:, None] * rng.standard_normal((neurons, n + nu)) / np.sqrt(n + nu)
     b = rng.uniform(-1.0, 1.0, neurons)
     blocks = (linear.A, linear.B, linear.C, np.zeros(1), np.zeros((n, neurons)), V, b)
     theta = np.concatenate([np.ravel(block) for block in blocks])
     model = NeuralStateSpace(theta, n, neurons, linear, levels, spreads)
-    own = [x0 / size for x0 in starts]
-    fitted, _ = fit_simulation(model.simulated, theta, own, scaled, max_iterations=iterations)
+    fitted, _ = fit_simulation(model.simulated, theta, starts, scaled, max_iterations=iterations)
     return replace(model, theta=fitted)
+
+
+def _linear_start(records: Sequence[IOData], order: int) -> tuple[StateSpace, list[np.ndarray]]:
+    """The linear model of `oe` with states of unit spread over scaled records, and the initial state of each (n,)."""
+    # Each about its own means: else a pole at 1 would explain the levels of the records instead of their dynamics.
+    centred = [record.subtract(u=record.u.mean(axis=0), y=record.y.mean(axis=0)) for record in records]
+    linear = sysid.oe(centred, order, order).model
+    starts = [initial_state(linear, record) for record in records]
+    trajectories = []
+    for record, x0 in zip(records, starts, strict=True):
+        trajectories.append(state_trajectory(linear.A, record.u @ linear.B.T, x0))
+    size = np.concatenate(trajectories).std(axis=0)
+    size[size == 0.0] = 1.0  # a state that no record moves
+    scaled = replace(linear, A=linear.A * size / size[:, None], B=linear.B / size[:, None], C=linear.C * size)
+    return scaled, [x0 / size for x0 in starts]

@@ -42,7 +42,7 @@ def record_weights(parts: Sequence[IOData]) -> np.ndarray:
     Raises:
         ScenarioError: An output does not move.
     """
-    spreads = np.array([part.y[:, 0].std() for part in parts])
+    spreads = np.array([record.y[:, 0].std() for record in parts])
     if not spreads.all():
         raise ScenarioError("an output of a training record does not move, expected motion to identify a model from")
     return 1.0 / spreads
@@ -75,40 +75,56 @@ def fit_simulation(
     Raises:
         ScenarioError: The simulation diverges at the start, or an output does not move.
     """
-    weights = record_weights(parts) if weights is None else weights
+    if weights is None:
+        weights = record_weights(parts)
     p, q = len(shared), len(own[0])
-    count = p + q * len(parts)
+    samples = sum(len(record) - record.window for record in parts)
 
-    def split(theta: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        return theta[:p], [theta[p + q * k : p + q * (k + 1)] for k in range(len(parts))]
+    def private_of(theta: np.ndarray, k: int) -> np.ndarray:
+        return theta[p + q * k : p + q * (k + 1)]
 
     def criterion(theta: np.ndarray, _: np.ndarray) -> Linearisation | None:
-        rows = []
-        for k, (part, private) in enumerate(zip(parts, split(theta)[1], strict=True)):
-            output, slopes = simulate(theta[:p], private, part)
-            table = weights[k] * np.column_stack([slopes, output - part.y[:, 0]])[part.window :]
+        count = len(theta)
+        triangles = []
+        for k, record in enumerate(parts):
+            output, slopes = simulate(theta[:p], private_of(theta, k), record)
+            table = weights[k] * np.column_stack([slopes, output - record.y[:, 0]])[record.window :]
             if not np.abs(table).max() < LARGEST:
                 return None
-            # The triangle of a record's columns has their products: what follows works on few rows.
-            triangle, lengths = scaled_triangle(table)
-            wide = np.zeros((len(triangle), count + 1))
-            wide[:, :p], wide[:, -1] = triangle[:, :p], triangle[:, -1]
-            wide[:, p + q * k : p + q * (k + 1)] = triangle[:, p:-1]
-            wide[:, [*range(p), *range(p + q * k, p + q * (k + 1)), count]] *= lengths
-            rows.append(wide)
-        triangle, lengths = scaled_triangle(np.concatenate(rows))
+            triangles.append(_triangle_of_record(table, k, (p, q, count)))
+        triangle, lengths = scaled_triangle(np.concatenate(triangles))
         target = triangle[:, -1] * lengths[-1]
-        samples = sum(len(part) - part.window for part in parts)
-        return Linearisation(
-            theta, float(target @ target), triangle[:count, :count], target[:count], lengths[:count], samples, 0
-        )
+        cost = float(target @ target)
+        return Linearisation(theta, cost, triangle[:count, :count], target[:count], lengths[:count], samples, 0)
 
     start = np.concatenate([shared, *own])
-    at = criterion(start, start)
-    if at is None:
+    initial = criterion(start, start)
+    if initial is None:
         raise ScenarioError("the simulation of the initial model diverges on the records")
-    energy = sum(float(w * w * np.sum((part.y - part.y.mean()) ** 2)) for w, part in zip(weights, parts, strict=True))
-    return split(levenberg_marquardt(criterion, at, energy, max_iterations=max_iterations).at.theta)
+    energy = 0.0
+    for weight, record in zip(weights, parts, strict=True):
+        energy += float(weight * weight * np.sum((record.y - record.y.mean()) ** 2))
+    theta = levenberg_marquardt(criterion, initial, energy, max_iterations=max_iterations).at.theta
+    return theta[:p], [private_of(theta, k) for k in range(len(parts))]
+
+
+def _triangle_of_record(table: np.ndarray, k: int, sizes: tuple[int, int, int]) -> np.ndarray:
+    """Triangle with the products of a record's columns, at the columns of all parameters (rows, count + 1).
+
+    What follows works on its few rows instead of the samples.
+
+    Args:
+        table: Sensitivities to shared and private parameters, and the errors (N, p + q + 1).
+        k: Number of the record.
+        sizes: Numbers of shared parameters p, of private ones of a record q, and of all.
+    """
+    p, q, count = sizes
+    private = slice(p + q * k, p + q * (k + 1))
+    triangle, lengths = scaled_triangle(table)
+    wide = np.zeros((len(triangle), count + 1))
+    wide[:, :p], wide[:, private], wide[:, -1] = triangle[:, :p], triangle[:, p:-1], triangle[:, -1]
+    wide[:, [*range(p), *range(private.start, private.stop), count]] *= lengths
+    return wide
 
 
 def fit_to_window(simulate: Simulate, shared: np.ndarray, own: np.ndarray, record: IOData) -> np.ndarray:
@@ -116,12 +132,13 @@ def fit_to_window(simulate: Simulate, shared: np.ndarray, own: np.ndarray, recor
     if not record.window:
         return own
 
-    def private(_: np.ndarray, xi: np.ndarray, part: IOData) -> Simulated:
-        output, slopes = simulate(shared, xi, part)
+    def private(_: np.ndarray, xi: np.ndarray, window: IOData) -> Simulated:
+        output, slopes = simulate(shared, xi, window)
         return output, slopes[:, len(shared) :]
 
     window = replace(record, window=0)[: record.window]
-    return fit_simulation(private, np.zeros(0), [own], [window], weights=np.ones(1), max_iterations=20)[1][0]
+    _, (fitted,) = fit_simulation(private, np.zeros(0), [own], [window], weights=np.ones(1), max_iterations=20)
+    return fitted
 
 
 def settled(output: np.ndarray, record: IOData, model: str, level: float, spread: float) -> np.ndarray:
@@ -137,9 +154,9 @@ def settled(output: np.ndarray, record: IOData, model: str, level: float, spread
     Raises:
         ScenarioError: An output is not finite, or further from the level than `DIVERGED` spreads.
     """
-    wild = ~(np.abs(output - level) < DIVERGED * spread)
-    if wild.any():
-        first = int(np.argmax(wild))
+    has_diverged = ~(np.abs(output - level) < DIVERGED * spread)  # so that NaN counts
+    if has_diverged.any():
+        first = int(np.argmax(has_diverged))
         raise ScenarioError(
             f"{model} diverges on {record.name or 'the record'}: from sample {first} of {len(record)} on its output is "
             f"more than {DIVERGED:g} times the spread of the training records away from their mean; expected a stable "
