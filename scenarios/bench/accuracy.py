@@ -121,6 +121,7 @@ class RecordStatistic:
         judged by.
         """
         count, limits, why = len(self.values), None, ""
+        # With too few models there is no verdict in any case.
         if 0 < count < CLAIMED * self.models and self.models >= needed(self.run):
             why = f"claimed of {count} of {self.models} records with a model, expected of all of a problem or of none"
             return replace(acceptance.mean(self.label, self.values, Expectation(True, why), None), passed=False)
@@ -143,6 +144,7 @@ def pooled_part(
     """
     judged = [s for s in statistics if len(s.values) >= needed(s.run)]
     chosen = [s for s in judged if s.theory.passes]
+    # Of a single problem the mean is that of its own part.
     if len(chosen) < 2:
         return []
     counts = [len(s.values) for s in chosen]
@@ -155,6 +157,7 @@ def pooled_part(
 
 def mean_parts(statistics: Sequence[RecordStatistic], acceptance: Acceptance, budget: float) -> list[Part]:
     """The mean of each problem and that of all together, which share the probability of a false alarm evenly."""
+    # One more for the mean of all problems together.
     share = budget / (len(statistics) + 1)
     metric_parts = [statistic.part(acceptance, share) for statistic in statistics]
     return metric_parts + pooled_part(TOGETHER, statistics, acceptance, share)
@@ -263,6 +266,7 @@ def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexA
         why = f"{count} of {len(common)} records can be compared, at least {needed(len(common))} are needed"
         return unjudged(name, why, count), NAN
     values = in_variances(difference, bound)
+    # Four times the squares of a perfect estimator: the greatest mean, with the spread that it has then.
     _, high = limits_of_mean([GREATEST_DIFFERENCE * null], [count], evidence.false_alarm, low=False)
     squares = np.mean(np.abs(difference) ** 2, axis=(1, 2, 3))
     relative = np.sqrt(squares / np.mean(np.abs(truth.response) ** 2))

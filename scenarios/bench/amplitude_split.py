@@ -72,6 +72,7 @@ class AmplitudeSplit(MetricDefinition):
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """A part for each joint, amplitude and kind of error; a verdict on the systematic one."""
+        # No structure holds the arm with its friction: the method alone decides what theory expects.
         theory = expectation(evidence.estimator, "twin", self.name)
         classes: dict[str, list[Measurement]] = {}
         for m in evidence.measurements:
@@ -106,6 +107,7 @@ def _split(
     # One record of each waveform: the repeats of some would give these a larger weight.
     first = np.array([repeats[0] for repeats in nonparametric])
     errors = np.array([repeats[0] for repeats in identified]) - first
+    # Of the linear part: the mean over waveforms, whose scatter is distortion and noise.
     power = float(np.sum(np.abs(first.mean(axis=0)) ** 2))
     error = systematic_of(errors, power, allowed=allowed, false_alarm=false_alarm)
     systematic = _systematic_part(label, error, allowed, theory, count)

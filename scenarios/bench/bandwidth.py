@@ -108,6 +108,7 @@ def _furthest_from_truth(rows: Sequence[dict[str, Any]], metric_parts: Sequence[
     """The part of the largest amplitude whose median is furthest, as a ratio, from its best linear truth."""
     largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
     candidates = []
+    # Without rows there is one part all the same, which says so.
     for row, part_of_row in zip(rows, metric_parts, strict=False):
         if row["hz"] and row["mrad"] == largest:
             # NaN where there is no best linear truth: no distance
@@ -120,6 +121,7 @@ def _furthest_from_truth(rows: Sequence[dict[str, Any]], metric_parts: Sequence[
 
 def _row(name: str, group: Measurements) -> dict[str, Any]:
     lowest, truths = true_bandwidths(name)
+    # twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad
     _, variant, joint, excitation, amplitude = name.split("-")
     bandwidths = [_claimed(m, lowest) for m in group]
     claimed = [hz for hz in bandwidths if np.isfinite(hz)]

@@ -82,6 +82,7 @@ def _bias_on(name: str, evidence: Evidence) -> tuple[Part, dict[str, Any]]:
     judged = mean_error(_flat(errors) @ axes, evidence.false_alarm, ALLOWED)
     theory = expectation(evidence.estimator, name, "bias")
     mean = errors.mean(axis=0)
+    # Each channel relative to its own rms response.
     size = np.sqrt(np.mean(np.abs(bound.response) ** 2, axis=0))
     deviation_of_mean = errors.std(axis=0, ddof=1) / np.sqrt(len(errors))
     curve: dict[str, Any] = {
@@ -99,6 +100,7 @@ def _bias_alone(measurements: Measurements, estimator: Estimator) -> Part:
     alone = problem(ALONE)
     if not isinstance(alone, SharedAlone):
         return unjudged(ALONE, "no bias is predicted")
+    # A structure that cannot hold the truth is tested in the directions of the truth's own.
     bound = alone.bound_without_other(estimator.structure) or alone.bound_without_other(None)
     if bound is None:
         return unjudged(ALONE, "no bias is predicted")
@@ -110,6 +112,7 @@ def _bias_alone(measurements: Measurements, estimator: Estimator) -> Part:
     judged = mean_error(_flat(errors) @ axes, 0.5)
     # The bias that theory predicts, in the same unit: the estimator's own scatter about it.
     shifted = mean_error(_flat(errors - mean + predicted) @ axes, 0.5)
+    # Without any scatter every shift is infinitely many deviations.
     if not np.isfinite(shifted.size):
         why = "the error is the same on all records: there is no scatter to judge it by"
         return unjudged(ALONE, why, len(errors))

@@ -185,6 +185,7 @@ class NormalisedError(AccuracyMetric):
             freedom, values, null = _normalised_errors(good, name, estimator.structure)
             theory = expected_of_claims(estimator, name, good, self.name)
             statistics.append(RecordStatistic(name, values, run, null, theory, NO_COVARIANCE, len(good)))
+            # A test of the whole distribution needs as many records as a verdict on its mean.
             if len(values) < needed(run) or not np.isfinite(values).all():
                 continue
             # The distribution of the response's errors is known by its null records alone.
@@ -232,6 +233,7 @@ class ResponseError(AccuracyMetric):
         """Compare the errors with the claimed covariance."""
         structure, groups = evidence.estimator.structure, evidence.by_problem()
         budget = evidence.false_alarm * self.verdicts
+        # A problem has two parts, its mean and its worst frequency; one more is of all together.
         share = budget / (2 * len(groups) + 1)
         statistics: list[RecordStatistic] = []
         metric_parts: list[Part] = []

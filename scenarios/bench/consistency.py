@@ -158,13 +158,14 @@ class Consistency(MetricDefinition):
     def evaluate(self, evidence: Evidence) -> Metric:
         """Fit the slopes."""
         problems: dict[str, Records] = {}
+        # A problem of another length is `NAME@SAMPLES`.
         for key, records in evidence.by_problem().items():
             name, _, samples = key.partition("@")
             problems.setdefault(name, {})[int(samples)] = records
         budget = evidence.false_alarm * self.verdicts
         metric_parts, curves = [], {}
-        for name, records in problems.items():
-            by_length = dict(sorted(records.items()))
+        for name, lengths in problems.items():
+            by_length = dict(sorted(lengths.items()))
             slope, curves[name] = _slope_part(name, by_length, evidence.estimator, budget / len(problems))
             metric_parts.append(slope)
         return self.of_parts(
@@ -191,6 +192,7 @@ def _slope_part(
     longest = bound_for(f"{name}@{lengths[-1]}", estimator.structure)
     # The weight of the longest records for all lengths, so that the slope is that of the errors alone
     weight = longest.response_covariance
+    # Parts of the response that the bound takes as exactly known have no variance to divide by.
     free = free_parts(weight)
     squares = []
     for good, _ in records.values():
@@ -266,4 +268,5 @@ def _slope_weights(lengths: Sequence[int]) -> FloatArray:
 
 def _slopes(lengths: Sequence[int], squares: FloatArray) -> FloatArray:
     """Slopes of log root mean square errors, from mean squares (sets, lengths)."""
+    # Of an estimator without any error the logarithm would be infinite.
     return np.asarray(0.5 * np.log(np.maximum(squares, np.finfo(float).tiny)) @ _slope_weights(lengths))

@@ -114,6 +114,7 @@ def _function(target: str, options: EstimatorOptions) -> Estimator:
         path = Path(module).expanduser()
         if not path.is_file():
             raise ScenarioError(f"{target!r} given, but there is no file {module!r}")
+        # A child process imports it by this name.
         if not FUNCTION.fullmatch(path.stem):
             raise ScenarioError(f"{module!r} given, expected a file whose name can be imported, such as my_module.py")
         # The file, not a module of its name: Python may find another module of that name first.
@@ -202,6 +203,7 @@ def source_hash(estimator: Estimator) -> str:
             contents += [name.encode(), content]
     elif module is not None:
         contents = [module.read_bytes()]
+    # Digests have one length: contents that only divide otherwise give another hash.
     digests = b"".join(sha256(content).digest() for content in contents)
     return sha256(digests).hexdigest() if contents else ""
 

@@ -172,6 +172,7 @@ class Runner:
     def close(self) -> None:
         """End the estimators."""
         with ExitStack() as stack:
+            # The stack ends all of them, also where ending one fails.
             while self._processes:
                 stack.push(self._processes.popitem()[1])
 
@@ -197,6 +198,7 @@ class Runner:
         begun = perf_counter()
         seed = requests[0][1].seed(self._setup.seed)
         record = problem.draw(seed)
+        # On the same record, so that its length and the state of the machine are those of the estimators.
         ruler = Ruler(record)
         ruler.measure()
         shared = (perf_counter() - begun) / len(requests)
@@ -254,6 +256,7 @@ def run_jobs(setup: BenchSetup, jobs: Sequence[RecordJob]) -> Iterator[TrialResu
     if setup.files is None:
         if getattr(_THREAD, "setup", None) != setup:
             _THREAD.setup, _THREAD.runner = setup, Runner(setup)
+            # Processes of estimators end with the worker that started them.
             at_worker_exit(_THREAD.runner.close)
         for job in jobs:
             yield from _THREAD.runner.run(job)

@@ -220,6 +220,7 @@ def responses(rows: Sequence[LeaderboardRow]) -> Drawing:
             if key in curve:
                 axes.plot(curve["frequencies_hz"], np.sqrt(np.mean(curve[key] ** 2, axis=(1, 2))), **look)
     for axes in panels[0]:
+        # Panels of a column share their axis, so that the first row stands for all.
         low, high = axes.get_ylim()
         axes.set_ylim(bottom=max(low, SMALLEST_SHARE * high))
         plain_marks(axes.xaxis, axes.get_xlim())

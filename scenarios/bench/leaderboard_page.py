@@ -81,6 +81,7 @@ def context(rows: Sequence[LeaderboardRow]) -> dict[str, object]:
     """The variables of the templates: rows, tables, drawings and notes."""
     gallery = Gallery()
     with matplotlib.rc_context(SETTINGS):
+        # Settings of the study's figures: text as paths, and equal figures as equal text.
         overview = add(gallery, work_precision(rows), "accuracy-and-time")
         sections = [_section(rows, name, gallery) for name in metric_names(rows)]
     return {

@@ -153,6 +153,7 @@ def ranked(paths: Iterable[Path]) -> tuple[LeaderboardRow, ...]:
                 f"{path} and {rows[row.name].path} are both of {row.name!r}; expected a name for each: leave one out, "
                 "or run it again under another name"
             )
+        # Tables and drawings call estimators by their names.
         rows[row.name] = row
     judged = judged_metrics(row.result for row in rows.values())
     ordered = sorted(rows.values(), key=lambda row: _sorting_key(row.result, judged))
@@ -185,6 +186,7 @@ def _sorting_key(result: Result, judged: Collection[str]) -> tuple[int, int, int
 def _read(path: Path) -> LeaderboardRow:
     """Read a result and check what a sum or a drawing relies on: anyone may have written the file."""
     foreign = f"{path} is no result of hmtb verify"
+    # Reading a pipe or a device might never end.
     if path.exists() and not path.is_file():
         raise ScenarioError(f"{foreign}: it is no ordinary file")
     if path.is_file() and path.stat().st_size > MOST_BYTES:

@@ -249,6 +249,7 @@ def _response_error_cell(row: LeaderboardRow, problems: Sequence[str]) -> Cell:
     if row.metric("frequency_response") is None:
         return EMPTY
     absent = row.unanswered(problems)
+    # A median over other problems than those of the other rows would not compare.
     if 0 < len(absent) < len(problems):
         answered = f"{UNKNOWN} ({len(problems) - len(absent)} of {len(problems)})"
         return Cell(answered, inf, title=f"too few models on {', '.join(absent)}")

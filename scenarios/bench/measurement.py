@@ -180,6 +180,7 @@ def _parameter_errors(claim: Estimate | None, task: Task, bound: CramerRaoBound 
     # The coordinates of a state space are the estimator's own.
     if task.chooses or task.structure == "ss" or not isinstance(claim.realise, Realise):
         return NAN, -1
+    # Orders that the structure does not name are zero.
     orders = {name: 0 for name in ("na", "nc", "nd", "nf")} | dict(task.orders)
     if claim.realise.orders != make_orders(len(claim.realise.orders.nb), **orders):
         return NAN, -1

@@ -135,6 +135,7 @@ class Evidence:
         groups: dict[str, tuple[list[Measurement], int]] = {}
         for m in self.measurements:
             good, run = groups.get(m.trial.problem, ([], 0))
+            # One infinite response would make every mean infinite.
             if m.kind == MODEL and m.response is not None and np.isfinite(m.response).all():
                 good.append(m)
             groups[m.trial.problem] = (good, run + 1)
@@ -192,6 +193,7 @@ class MetricDefinition(ABC):
         """
         parts = parts or [unjudged("all", "no verdict: no record was run")]
         shown = shown or worst_part(parts)
+        # Parts that theory expects to fail excuse no others and decide nothing.
         decisive = any(p.passed is not None and p.theory for p in parts)
         reasons = [p.why for p in parts if p.passed is False and not p.theory]
         if not decisive:
@@ -253,6 +255,7 @@ def excess(part: Part) -> float:
     distance = 0.0
     for limit, outwards in ((part.limits[0], -1.0), (part.limits[1], 1.0)):
         room = limit - part.expected
+        # On a side without a limit nothing is too far.
         if not np.isfinite(room):
             continue
         if room != 0.0:

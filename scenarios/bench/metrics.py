@@ -117,7 +117,7 @@ class Speed(OverAllTrials):
 
     name = "speed"
     title = "Time of an estimate"
-    unit = "times the reference"
+    unit = "times the reference time"
 
     def evaluate(self, evidence: Evidence) -> Metric:
         """Median and 95th percentile of the multiples, memory beside them."""
@@ -139,6 +139,7 @@ class Speed(OverAllTrials):
             on_problem = multiples[[problem == name for problem in problems]]
             interval = _interval_of_median(on_problem)
             metric_parts.append(unjudged(name, of_all, len(on_problem), float(np.median(on_problem)), NAN, interval))
+        # Not judged: the time of a few hard records.
         curves["percentile_95"] = float(np.percentile(multiples, 95.0))
         curves["ruler_seconds"] = float(np.median([m.ruler_seconds for m in timed]))
         milliseconds = 1000.0 * float(np.median([m.seconds for m in timed]))

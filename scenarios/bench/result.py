@@ -102,6 +102,7 @@ class Result:
             result = structure(cls, fields)
         except ScenarioError as error:
             raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
+        # No other estimator sees the truth.
         if result.estimator.is_perfect and result.estimator.name != "perfect":
             raise ScenarioError(f"{path}: {result.estimator.name} answers from the truth, as only 'perfect' may")
         return result
@@ -113,6 +114,7 @@ def _safe(value: Any) -> Any:
         return one_line(value)
     if isinstance(value, float) and not 1.0 / LARGEST < abs(value) < LARGEST:
         return math.copysign(math.inf, value) if abs(value) > 1.0 else 0.0 * value  # NaN stays NaN
+    # NumPy has no larger whole numbers.
     if isinstance(value, int) and abs(value) >= 2**63:
         raise ValueError(f"a whole number has {len(str(value))} digits, expected a number of 64 bits")
     if isinstance(value, dict):

@@ -110,11 +110,13 @@ class TrialJournal:
 
     def measurements(self) -> dict[Trial, Measurement]:
         """All trials."""
+        # The mark of the run is an entry too.
         read = (Measurement.from_table(payload) for key, payload in self._journal.items() if key != RUN)
         return {measurement.trial: measurement for measurement in read}
 
     def _count(self, key: str, kind: str, why: str) -> None:
         self.done.add(key)
+        # A run that resumes must not take trials that were never asked for hangs in a row.
         self.hangs = self.hangs + 1 if kind == HANG and not why.startswith(GIVEN_UP) else 0
 
 
@@ -218,9 +220,11 @@ class RunProgress:
     def add(self, result: TrialResult) -> None:
         """Count a trial; one whose worker died may come twice."""
         journal, left = self._journals[result.estimator], self._left[result.estimator]
+        # A worker may die behind the result that it has sent.
         if left.pop(result.measurement.trial.key, None) is None:
             return
         journal.add(result.measurement)
+        # Each hang costs the whole time limit: hours for an estimator that hangs always.
         if journal.hangs >= HANGS:
             self._given_up.add(result.estimator)
             why = f"{GIVEN_UP} after {HANGS} hangs in a row: not asked any more"

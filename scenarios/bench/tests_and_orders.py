@@ -186,6 +186,7 @@ def size_of_independent_estimate(count: int) -> float:
     """
     rng = np.random.default_rng(20_009)
     draws = 100_000
+    # An estimate opens no more directions than there are lags.
     opened = min(count, LAGS)
     statistic = rng.chisquare(LAGS - opened, draws) if opened < LAGS else np.zeros(draws)
     if opened:
@@ -198,6 +199,7 @@ def order_of(task: Task) -> int:
     orders = task.orders
     if "order" in orders:
         return orders["order"]
+    # Coefficients of B beyond the order of the poles, and the delay, take states too.
     return max(orders.get("na", 0) + orders.get("nf", 0), orders["nb"] + orders["nk"] - 1)
 
 

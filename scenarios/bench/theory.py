@@ -88,8 +88,10 @@ def limitation(method: str | None, structure: str | None, name: str) -> Limitati
         structure: One of `sysid.polynomial.structures.STRUCTURES`; None: that of the truth.
         name: Name of the problem.
     """
+    # A name is FAMILY-MORE@SAMPLES.
     family = name.split("@")[0].split("-")[0]
     feedback = family == "feedback"
+    # Without noise every method is exact; of an estimator without a stated method theory says nothing.
     if method is None or family == "quiet":
         return None
     if family == "twin":
@@ -129,6 +131,7 @@ def expected_of_claims(estimator: Estimator, name: str, good: Measurements, metr
     if expected.passes or limit is None or not limit.claims:
         return expected
     share = greatest_bias(good, name, estimator.structure)
+    # NaN, of fewer than two models, withdraws no excuse.
     if not share <= NEGLIGIBLE_BIAS:
         return expected
     if limit.claims == "bias and scatter":

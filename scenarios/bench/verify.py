@@ -188,6 +188,7 @@ def verify(
     setup = BenchSetup(estimators, plan.limits, seed, files)
     wanted = [plan.trials(estimator) for estimator in estimators]
     with ExitStack() as stack:
+        # Results of one run share a mark: their speeds were measured side by side.
         run = secrets.token_hex(6)
         journals = []
         for estimator in estimators:
@@ -301,6 +302,7 @@ def _drawn_seed(path: Path, estimators: Sequence[Estimator]) -> int:
     with suppress(OSError, ScenarioError):
         seeds = from_json(dict[str, int], path.read_bytes(), str(path))
     if key not in seeds:
+        # Drawn behind the hashes, so that no file could have been written for the seed.
         seeds[key] = draw_run_seed(hashes)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, json.dumps(seeds), durable=True)
@@ -313,9 +315,11 @@ def _simulate(trials: Sequence[Trial], seed: int, folder: Path, report: Report, 
 
     begun = monotonic()
     simulated = 0
+    # Kept batch by batch: an interrupted run loses one batch at most.
     for first in range(0, len(trials), TOGETHER):
         batch = trials[first : first + TOGETHER]
 
+        # Defaults bind the values of this batch: a closure would see those of the last one.
         def share(done: int, total: int, first: int = first, size: int = len(batch)) -> None:
             report(Progress("records of the arm", first + size * done // total, len(trials)))
 

@@ -195,6 +195,7 @@ def _output_error(num: FloatArray, den: FloatArray) -> Polynomials:
     if den[0] == 0.0:
         raise NoModelError("den begins with 0, expected the coefficient of its highest power of z")
     with np.errstate(over="ignore"):
+        # The quotient of two allowed numbers may be infinite.
         num, den = num / den[0], den / den[0]
     if not (np.isfinite(num).all() and np.isfinite(den).all()):
         raise NoModelError(f"num and den divided by {den[0]:g}, the first of den, are not finite", "not_finite")

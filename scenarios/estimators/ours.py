@@ -71,6 +71,7 @@ def prediction_error(data: IOData, task: Task) -> Estimate:
 def observer_parameters(data: IOData, order: int) -> int:
     """Number p of OKID's observer Markov parameters for a record and an order."""
     wanted = LEAST_P + P_PER_ORDER * order
+    # Fewer equations than unknowns would fit the noise.
     allowed = len(data) // (SAMPLES_PER_UNKNOWN * (data.nu + data.ny))
     return max(min(wanted, allowed), -(-order // data.ny))
 

@@ -87,6 +87,7 @@ class MimoProblem(Problem):
     def efficient(self, structure: str, seed: int) -> FloatArray:
         """See `LinearProblem.efficient`."""
         del structure
+        # The score of the record: gradient of its log likelihood in the local coordinates.
         return self._bound.parameters + self._bound.covariance @ self._coordinates.normal(self.draw(seed)).gradient
 
     def realise(self, structure: str, theta: FloatArray) -> tuple[StateSpace, None]:

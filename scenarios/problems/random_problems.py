@@ -153,5 +153,6 @@ def _linear_within_bound(
         if not (is_stable(poles) and is_stable(estimate.C) and is_stable(estimate.D)):
             return False
         response, _ = response_gradient(estimate, orders, dt, bound.frequencies)
+        # What the first-order step does not explain, in deviations of the bound.
         beyond[k] = np.abs(response - bound.response - np.tensordot(step, derivatives, 1)) / deviation
     return bool((np.sqrt(np.mean(beyond**2, axis=0)) <= CURVED).all())

@@ -89,6 +89,7 @@ class TwinProblem(Problem):
         delay = self.joint_truth.delay_samples
         order = {"fit": ORDER, "underfit": ORDER - 1, "select": 0}[ask]
         values = {"na": order, "nb": order, "nf": order, "nk": delay, "order": order + delay - 1}
+        # In ARMAX the disturbance shares the poles of the dynamics, so C has their order.
         values |= {"nc": order if structure == "armax" else NOISE_ORDER, "nd": NOISE_ORDER}
         orders = {}
         if order:
