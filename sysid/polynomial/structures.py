@@ -122,7 +122,8 @@ def _with_common_denominator(truth: Polynomials) -> System:
     """The system with one denominator for all inputs, A F y = B_j F/F_j u_j + C F/D e, F the product of the F_j."""
     channels = [truth.channel(j) for j in range(truth.nu)]
     # two of the F_j are taken to be the same or coprime
-    common, factors = ONE, []
+    common = ONE
+    factors: list[FloatArray] = []
     for _, denominator in channels:
         if not any(_same(denominator, factor) for factor in factors):
             common = np.convolve(common, denominator)

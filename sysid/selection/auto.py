@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -154,7 +155,8 @@ def _interchange_question(experiments: Experiments) -> str:
 def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Estimate:
     """The chosen model, estimated from all data."""
     if chosen.method == "pem_ss":
-        start = n4sid(complete_parts(experiments), **chosen.orders, direct=direct)
+        orders: Mapping[str, Any] = chosen.orders
+        start = n4sid(complete_parts(experiments), orders["order"], direct=direct)
         return pem_ss(experiments, start, direct=direct)
     estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
     return estimators[chosen.method](experiments, **chosen.orders)

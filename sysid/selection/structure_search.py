@@ -396,8 +396,9 @@ def _with_step(orders: Orders, name: str, channel: int, step: int) -> Orders:
     """Orders with a step added to one of them, to that of one input where each has its own."""
     value: Any = getattr(orders, name)
     if isinstance(value, int):
-        return replace(orders, **{name: value + step})
-    by_channel = list(value)
-    by_channel[channel] += step
-    changed: Any = tuple(by_channel)
+        changed: Any = value + step
+    else:
+        by_channel = list(value)
+        by_channel[channel] += step
+        changed = tuple(by_channel)
     return replace(orders, **{name: changed})
