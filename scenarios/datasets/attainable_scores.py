@@ -21,9 +21,10 @@ from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.plan import ATTAINABLE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.score import in_metric
 from scenarios.datasets.spec import DataSetSpec
+from scenarios.datasets.spec_tables import Scoring
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.attainable import attainable
+from scenarios.truth.attainable import Attainable, attainable
 from sysid import SysidError
 
 COLUMNS = (
@@ -43,98 +44,119 @@ def attainable_pieces(plan: DataSetPlan) -> Iterator[str]:
     counts = Counter[Hashable]()
     # Every twin has a record of each class, so the first twins have them all.
     for twin in range(min(plan.twins, plan.spec.truth.floors)):
-        for entry in plan.of_twin(twin):
-            key = (entry.block, excitation_class(entry))
-            counts[key] += entry.part == "test"
-            if entry.part == "test" and counts[key] <= plan.spec.truth.floors:
-                yield entry.name
+        for planned in plan.of_twin(twin):
+            if planned.part != "test":
+                continue
+            record_class = (planned.block, excitation_class(planned))
+            counts[record_class] += 1
+            if counts[record_class] <= plan.spec.truth.floors:
+                yield planned.name
     yield "table"
 
 
 def attainable_files(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
     """Search the floors of a record, or gather the table; a piece of a stage of the build."""
     if piece != "table":
-        entry = next(entry for entry in plan if entry.name == piece)
-        text = json.dumps(_floors(plan.spec, entry, stored_log(folder, entry)), indent=1, allow_nan=False) + "\n"
-        return {entry.attainable: text.encode()}
+        planned = next(planned for planned in plan if planned.name == piece)
+        floors = _floors(plan.spec, planned, stored_log(folder, planned))
+        return {planned.attainable: f"{json.dumps(floors, indent=1, allow_nan=False)}\n".encode()}
+    rows: list[dict[str, str]] = []
     # The index lists the experiments in the order of the plan.
-    scored = [n for n, one in enumerate(open_data_set(folder).index) if one.part == "test" and one.failed is None]
-    rows = (row for number in scored for row in _rows(plan.spec, plan[number], folder))
+    for index, record in enumerate(open_data_set(folder).index):
+        if record.part == "test" and record.failed is None:
+            rows += _rows(plan.spec, plan[index], folder)
     return {ATTAINABLE: table_text(COLUMNS, rows).encode()}
 
 
-def _floors(spec: DataSetSpec, entry: PlannedExperiment, log: JointLog) -> dict[str, Any]:
+def _floors(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog) -> dict[str, Any]:
     """All floors of a scored record by joint, rad and percent, with what they rest on; or why there are none."""
-    arm, pose = experiment_arm(entry.experiment), entry.experiment.pose
-    facts = ("samples", "spread", "order", "distortion", "mean_error", "settling", "memory", "parameters")
+    arm, pose = experiment_arm(planned.experiment), planned.experiment.pose
     joints: dict[str, Any] = {}
-    for joint in entry.joints:
+    for joint in planned.joints:
         try:
             truth = arm_truth(arm, pose, spec.truth.amplitudes)
-            floors = attainable(log, joint, truth=truth, window=spec.window, steps=spec.truth.search_steps or None)
-            joints[joint] = {
-                **{name: asdict(getattr(floors, name)) for name in ("simulation", "one_step", "right_order")},
-                "by_chance": {
-                    horizon: {name: floors.by_chance(one.rmse) for name, one in vars(getattr(floors, horizon)).items()}
-                    for horizon in ("simulation", "one_step")
-                },
-                **{name: getattr(floors, name) for name in facts},
-                "provenance": dict(floors.provenance),
-            }
+            steps = spec.truth.search_steps or None
+            floors = attainable(log, joint, truth=truth, window=spec.window, steps=steps)
+            joints[joint] = _floors_as_json(floors)
         except (ScenarioError, TwinError, SysidError) as error:
             joints[joint] = {"reason": str(error)}
-    return {"experiment": entry.name, "window": spec.window, "software": software(), "joints": joints}
+    return {"experiment": planned.name, "window": spec.window, "software": software(), "joints": joints}
 
 
-def _rows(spec: DataSetSpec, entry: PlannedExperiment, folder: Path) -> Iterator[dict[str, str]]:
+def _floors_as_json(floors: Attainable) -> dict[str, Any]:
+    """The floors of one joint as they are published."""
+    by_chance: dict[str, dict[str, float]] = {}
+    for horizon in ("simulation", "one_step"):
+        models = vars(getattr(floors, horizon))
+        by_chance[horizon] = {name: floors.by_chance(floor.rmse) for name, floor in models.items()}
+    facts = ("samples", "spread", "order", "distortion", "mean_error", "settling", "memory", "parameters")
+    return {
+        **{name: asdict(getattr(floors, name)) for name in ("simulation", "one_step", "right_order")},
+        "by_chance": by_chance,
+        **{name: getattr(floors, name) for name in facts},
+        "provenance": dict(floors.provenance),
+    }
+
+
+def _rows(spec: DataSetSpec, planned: PlannedExperiment, folder: Path) -> Iterator[dict[str, str]]:
     """Rows of a record, one per joint."""
-    path = folder / entry.attainable
+    path = folder / planned.attainable
     floors = json.loads(path.read_bytes())["joints"] if path.is_file() else {}
     # Nothing else is read of the files: a fleet has many.
-    measured = read_netcdf(folder / entry.data, only=("y",)).variables["y"].values[spec.window :]
-    noise_free = read_netcdf(folder / entry.signals, only=("y_noise_free",)).variables["y_noise_free"].values
+    measured = read_netcdf(folder / planned.data, only=("y",)).variables["y"].values[spec.window :]
+    noise_free = read_netcdf(folder / planned.signals, only=("y_noise_free",)).variables["y_noise_free"].values
     noise = measured - noise_free[spec.window :]
     # How small chance can make the error of a model as good as the floor, once in twenty; see `Attainable.by_chance`.
-    luck = float(np.sqrt(max(1.0 - chi2.ppf(0.95, 1) / len(measured), 0.0)))
-    for column, joint in enumerate(entry.joints):
-        spread, recorder = float(measured[:, column].std()), float(np.sqrt(np.mean(noise[:, column] ** 2)))
-        values, note = _values(spec, entry, recorder, floors.get(joint, {}))
-        best = values["one_step_attainable"] if spec.scoring.steps else values["attainable"]
-        values |= {"attainable": best, "attainable_by_chance": None if best is None else best * luck}
-        scores = {
-            name: f"{in_metric(spec.scoring, np.array([rmse]), np.array([spread]))[0]:.11g}"
-            for name, rmse in values.items()
-            if rmse is not None
-        }
+    chance_factor = float(np.sqrt(max(1.0 - chi2.ppf(0.95, 1) / len(measured), 0.0)))
+    for column, joint in enumerate(planned.joints):
+        spread = float(measured[:, column].std())
+        recorder_rmse = float(np.sqrt(np.mean(noise[:, column] ** 2)))
+        errors, note = _errors(spec, planned, recorder_rmse, floors.get(joint, {}))
+        best = errors["one_step_attainable"] if spec.scoring.steps else errors["attainable"]
+        errors["attainable"] = best
+        errors["attainable_by_chance"] = None if best is None else best * chance_factor
         yield {
-            "experiment": entry.name,
+            "experiment": planned.name,
             "joint": joint,
             "samples": str(len(measured)),
             "metric": spec.scoring.metric,
             "unit": spec.scoring.unit,
-            **scores,
+            **_scores(spec.scoring, errors, spread),
             "spread_rad": f"{spread:.11g}",
             "note": note,
         }
 
 
-def _values(
-    spec: DataSetSpec, entry: PlannedExperiment, recorder: float, floors: Mapping[str, Any]
+def _scores(scoring: Scoring, errors: Mapping[str, float | None], spread: float) -> dict[str, str]:
+    """Errors, rad, as scores in the metric of the data set; those that are not known are left out."""
+    scores: dict[str, str] = {}
+    for name, rmse in errors.items():
+        if rmse is not None:
+            score = in_metric(scoring, np.array([rmse]), np.array([spread]))[0]
+            # Eleven digits, so that rounding on another machine is no difference.
+            scores[name] = f"{score:.11g}"
+    return scores
+
+
+def _errors(
+    spec: DataSetSpec, planned: PlannedExperiment, recorder_rmse: float, floors: Mapping[str, Any]
 ) -> tuple[dict[str, float | None], str]:
     """Errors of a row, rad, from the noise of the recorder and the floors that were searched; and a note."""
     # Without noise in the drives the commands determine the noise-free angle.
-    certain = not entry.experiment.plant.process_noise
-    values = {"attainable": recorder if certain else None, "one_step_attainable": recorder}
+    drives_are_noise_free = not planned.experiment.plant.process_noise
+    simulation_rmse = recorder_rmse if drives_are_noise_free else None
+    errors = {"attainable": simulation_rmse, "one_step_attainable": recorder_rmse}
     notes = []
     if "reason" in floors:
         notes.append(floors["reason"])
     elif floors:
-        values["right_order"] = floors["right_order"]["rmse"]
+        errors["right_order"] = floors["right_order"]["rmse"]
         for prefix, horizon in (("", "simulation"), ("one_step_", "one_step")):
-            values[f"{prefix}attainable"] = floors[horizon]["any_model"]["rmse"]
-            values |= {f"{prefix}{name}": floors[horizon][name]["rmse"] for name in ("best_linear", "small_signal")}
-    elif not certain:
+            errors[f"{prefix}attainable"] = floors[horizon]["any_model"]["rmse"]
+            for name in ("best_linear", "small_signal"):
+                errors[f"{prefix}{name}"] = floors[horizon][name]["rmse"]
+    elif not drives_are_noise_free:
         notes.append("process noise: the mean response was not searched")
-    if spec.scoring.steps and not certain:
+    if spec.scoring.steps and not drives_are_noise_free:
         notes.append("process noise: attainable knows what the drives will do; no model does")
-    return values, "; ".join(notes)
+    return errors, "; ".join(notes)

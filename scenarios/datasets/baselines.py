@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, lru_cache, partial
+from itertools import chain
 from pathlib import Path
 from shlex import join
 from typing import Any, NamedTuple
@@ -59,26 +60,33 @@ class BaselineData:
     @cached_property
     def twins(self) -> tuple[int, ...]:
         """The selected twins, evenly over all that have a record; empty where there are none."""
-        recorded = sorted({one.twin for one in self.data_set.index if one.twin is not None and one.failed is None})
-        count = len(recorded) if self.limits.twins == 0 else min(self.limits.twins, len(recorded))
-        return tuple(recorded[round(k * (len(recorded) - 1) / max(count - 1, 1))] for k in range(count))
+        recorded = [record for record in self.data_set.index if record.failed is None]
+        twins = sorted({record.twin for record in recorded if record.twin is not None})
+        count = len(twins) if self.limits.twins == 0 else min(self.limits.twins, len(twins))
+        # The first and the last are among them; a single one is the first.
+        last, intervals = len(twins) - 1, max(count - 1, 1)
+        return tuple(twins[round(k * last / intervals)] for k in range(count))
 
     @cached_property
     def records(self) -> Mapping[str, tuple[DataRecord, ...]]:
         """Records on the selected twins by part, the same objects for all baselines: each file is read once."""
-        kept = [one for one in self.data_set.records() if one.twin is None or one.twin in self.twins]
-        return {part: tuple(one for one in kept if one.part == part) for part in PARTS}
+        records: dict[str, list[DataRecord]] = {name: [] for name in PARTS}
+        for record in self.data_set.records():
+            if record.twin is None or record.twin in self.twins:
+                records[record.part].append(record)
+        return {name: tuple(records_of_part) for name, records_of_part in records.items()}
 
     @cached_property
     def train(self) -> tuple[DataRecord, ...]:
         """Records to identify from: the first ones of each block, arm and set of joints."""
-        kept, counts = list[DataRecord](), Counter[tuple[object, ...]]()
-        for one in self.records["train"]:
-            key = (one.block, one.arm, frozenset(one.joints))
-            counts[key] += 1
-            if not self.limits.records or counts[key] <= self.limits.records:
-                kept.append(one)
-        return tuple(kept)
+        selected = list[DataRecord]()
+        counts = Counter[tuple[object, ...]]()
+        for record in self.records["train"]:
+            setting = (record.block, record.arm, frozenset(record.joints))
+            counts[setting] += 1
+            if not self.limits.records or counts[setting] <= self.limits.records:
+                selected.append(record)
+        return tuple(selected)
 
     def training(self, record: DataRecord) -> tuple[DataRecord, ...]:
         """Return the records that the model for a record is identified from.
@@ -89,10 +97,57 @@ class BaselineData:
         Raises:
             ScenarioError: There are none with its joints.
         """
-        alike = [one for one in self.train if set(one.joints) == set(record.joints) and one.twin == record.twin]
-        if not alike:
+        of_twin = [candidate for candidate in self.train if candidate.twin == record.twin]
+        with_its_joints = [candidate for candidate in of_twin if set(candidate.joints) == set(record.joints)]
+        if not with_its_joints:
             raise ScenarioError(f"no training records of {', '.join(record.joints)} for {record.name}")
-        return tuple([one for one in alike if one.arm == record.arm] or alike)
+        of_its_arm = [candidate for candidate in with_its_joints if candidate.arm == record.arm]
+        return tuple(of_its_arm or with_its_joints)
+
+
+class _Identification:
+    """Identifies the models of one method as records need them, each once."""
+
+    def __init__(self, data: BaselineData, method: Method) -> None:
+        self.data, self.method = data, method
+        self.steps = data.data_set.spec.scoring.steps
+        self.uses_truth = method.name in NONLINEAR and NONLINEAR[method.name].truth
+        self.trained: dict[str, None] = {}  # names of training records, in order
+        self._models: dict[tuple[str, ...], Predictor] = {}
+
+    def predicted(self, record: DataRecord) -> np.ndarray:
+        """Predict the outputs of a record with the model for it."""
+        if self.method.name == "truth":
+            training: tuple[DataRecord, ...] = ()
+            arm = record.arm
+        else:
+            training = self.data.training(record)
+            # Records of other arms share a model, unless it knows the truth of one arm.
+            arm = record.arm if self.uses_truth else ""
+        key = (arm, *record.joints, *(train_record.name for train_record in training))
+        if key not in self._models:
+            self._models[key] = self._model(record, training)
+        return self._models[key].predicted(record.iodata(), self.steps)
+
+    def _model(self, record: DataRecord, training: Sequence[DataRecord]) -> Predictor:
+        data_set = self.data.data_set
+        if self.method.name == "truth":
+            return _true_predictor(data_set, record.arm, record.joints)
+        knowledge = Known(data_set.spec.seed)
+        if self.uses_truth:
+            zones = [dead_zone(data_set, train_record.arm, record.joints[0]) for train_record in training]
+            own_zone = dead_zone(data_set, record.arm, record.joints[0])
+            knowledge = Known(data_set.spec.seed, tuple(zones), own_zone)
+        train_data = [_with_channels(train_record, record.joints) for train_record in training]
+        model = identified(self.method, train_data, knowledge)
+        self.trained.update(dict.fromkeys(train_record.name for train_record in training))
+        return model
+
+
+def _with_channels(record: DataRecord, joints: Sequence[str]) -> IOData:
+    """A training record with its channels in the order of the joints of the record to predict."""
+    order = [record.joints.index(joint) for joint in joints]
+    return record.iodata().select(inputs=order, outputs=order)
 
 
 def baseline(data: BaselineData, method: Method) -> Baseline:
@@ -102,31 +157,16 @@ def baseline(data: BaselineData, method: Method) -> Baseline:
         ScenarioError: No training records for a test record, or the method needs the truth and it is missing.
         SysidError: The estimator refuses the records.
     """
-    models: dict[tuple[str, ...], Predictor] = {}
-    trained: dict[str, None] = {}
-    scoring, joints = data.data_set.spec.scoring, {frozenset(one.joints) for one in data.train}
-    uses_truth = method.name in NONLINEAR and NONLINEAR[method.name].truth
-
-    def predicted(record: DataRecord) -> np.ndarray:
-        training = () if method.name == "truth" else data.training(record)
-        own_arm = method.name == "truth" or uses_truth
-        key = (record.arm if own_arm else "", *record.joints, *(one.name for one in training))
-        if key not in models and method.name == "truth":
-            models[key] = _true_predictor(data.data_set, record.arm, record.joints)
-        elif key not in models:
-            order = {one.name: [one.joints.index(joint) for joint in record.joints] for one in training}
-            parts = [one.iodata().select(inputs=order[one.name], outputs=order[one.name]) for one in training]
-            known = Known(data.data_set.spec.seed)
-            if uses_truth:
-                zones = [dead_zone(data.data_set, one.arm, record.joints[0]) for one in (*training, record)]
-                known = Known(data.data_set.spec.seed, tuple(zones[:-1]), zones[-1])
-            models[key] = identified(method, parts, known)
-            trained.update(dict.fromkeys(order))
-        return models[key].predicted(record.iodata(), scoring.steps)
-
-    test = score_outputs(scoring, data.records["test"], predicted)
-    known = [r for r in data.records["validation"] if method.name == "truth" or frozenset(r.joints) in joints]
-    return Baseline(test, score_outputs(scoring, known, predicted) if known else None, tuple(trained))
+    scoring = data.data_set.spec.scoring
+    identification = _Identification(data, method)
+    test = score_outputs(scoring, data.records["test"], identification.predicted)
+    # A joint may have validation records and no training record; only the truth has a model for it.
+    trained_joints = {frozenset(record.joints) for record in data.train}
+    with_model = data.records["validation"]
+    if method.name != "truth":
+        with_model = tuple(record for record in with_model if frozenset(record.joints) in trained_joints)
+    validation = score_outputs(scoring, with_model, identification.predicted) if with_model else None
+    return Baseline(test, validation, tuple(identification.trained))
 
 
 def identified(method: Method, parts: Sequence[IOData], known: Known = RECORDS_ALONE) -> Predictor:
@@ -146,8 +186,12 @@ def identified(method: Method, parts: Sequence[IOData], known: Known = RECORDS_A
     if method.name == "gain":
         return StaticGain.fitted(parts)
     if parts[0].ny > 1 and not (method.name in ESTIMATORS and ESTIMATORS[method.name].outputs):
-        rows = range(parts[0].ny)
-        return StackedPredictor(tuple(identified(method, [p.select(outputs=[i]) for p in parts], known) for i in rows))
+        # A method of one output has a model of every output, from all inputs.
+        models = []
+        for output in range(parts[0].ny):
+            parts_of_output = [part.select(outputs=[output]) for part in parts]
+            models.append(identified(method, parts_of_output, known))
+        return StackedPredictor(tuple(models))
     with warnings.catch_warnings():
         # A poor model shows in its score.
         warnings.simplefilter("ignore", SysidWarning)
@@ -160,11 +204,14 @@ def identified(method: Method, parts: Sequence[IOData], known: Known = RECORDS_A
 def _true_predictor(data_set: DataSet, arm: str, joints: Sequence[str]) -> ModelPredictor:
     """The small-signal truth of joints of an arm, with its noise model and its operating point."""
     stored = _stored_arm(data_set, arm, "a baseline of the truth needs the truth")
-    single = stored.joints.get(joints[0]) if len(joints) == 1 else None
-    # The model of a joint alone has fewer states and the same behaviour.
-    model = single.model if single else stored.truth.subset(joints, joints)
-    index = [list(stored.truth.model.input_names or ()).index(f"{joint} commanded") for joint in joints]
-    return ModelPredictor(model, stored.truth.angles[index], stored.rest[index])
+    if len(joints) == 1 and joints[0] in stored.joints:
+        # The model of a joint alone has fewer states and the same behaviour.
+        model = stored.joints[joints[0]].model
+    else:
+        model = stored.truth.subset(joints, joints)
+    input_names = list(stored.truth.model.input_names or ())
+    columns = [input_names.index(f"{joint} commanded") for joint in joints]
+    return ModelPredictor(model, stored.truth.angles[columns], stored.rest[columns])
 
 
 def dead_zone(data_set: DataSet, arm: str, joint: str) -> float:
@@ -183,11 +230,11 @@ def dead_zone(data_set: DataSet, arm: str, joint: str) -> float:
     return twin.drives[joint].coulomb_torque / twin.gains[joint].kp
 
 
-def _stored_arm(data_set: DataSet, arm: str, why: str) -> StoredArm:
-    """The truth of an arm; an error says why it is needed where it is missing."""
+def _stored_arm(data_set: DataSet, arm: str, reason: str) -> StoredArm:
+    """The truth of an arm; where it is missing, the error gives the reason for which it is needed."""
     path = data_set.folder / arm_file(arm)
     if not path.is_file():
-        raise ScenarioError(f"{data_set.label}: no {arm_file(arm)}; {why}")
+        raise ScenarioError(f"{data_set.label}: no {arm_file(arm)}; {reason}")
     return read_arm(path)
 
 
@@ -201,10 +248,11 @@ def baseline_files(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, 
     """Score one method, or gather the table; a piece of a stage of the build."""
     if piece != "table":
         data = _data(folder, file_hash(folder / INDEX), plan.spec.baselines)
-        text = json.dumps(report(data, Method.parsed(piece)), indent=1, allow_nan=False) + "\n"
-        return {_file(piece): text.encode()}
-    _data.cache_clear()
-    rows = [json.loads((folder / _file(name)).read_bytes())["row"] for name in map(str, plan.spec.baselines.methods)]
+        scores = report(data, Method.parsed(piece))
+        return {_file(piece): f"{json.dumps(scores, indent=1, allow_nan=False)}\n".encode()}
+    _data.cache_clear()  # the table is the last piece: the records are needed no longer
+    paths = [folder / _file(str(method)) for method in plan.spec.baselines.methods]
+    rows = [json.loads(path.read_bytes())["row"] for path in paths]
     return {BASELINES: table_text(rows[0], rows).encode()}
 
 
@@ -221,42 +269,66 @@ def _data(folder: Path, index_hash: str, limits: BaselineSpec) -> BaselineData:
 
 def report(data: BaselineData, method: Method) -> dict[str, Any]:
     """Make a baseline as it is published: its row with the scores of every record, or with the reason of failure."""
-    spec = data.data_set.spec
-    joints = dict.fromkeys(joint for one in data.data_set.index if one.part == "test" for joint in one.joints)
-    options = ["--method", method.name]
-    options += ["--orders", *map(str, method.orders)] if method.orders else []
-    for name in ("twins", "records"):
-        if getattr(data.limits, name) != getattr(spec.baselines, name):
-            options += [f"--{name}", str(getattr(data.limits, name))]
-    row = {
-        "method": method.name,
-        "orders": " ".join(map(str, method.orders)),
-        "metric": spec.scoring.metric,
-        "unit": spec.scoring.unit,
-        "steps": str(spec.scoring.steps),
-        **dict.fromkeys(("test", *(f"test_{joint}" for joint in joints), "validation", "records_scored"), ""),
-        **dict.fromkeys(("trained_on", "twins", "failed"), ""),
-        "software": software(),
-        "command": join(["hmtb", "dataset", "baselines", spec.label, *options]),
-    }
+    row = _empty_row(data, method)
     try:
         result = baseline(data, method)
     except (ScenarioError, SysidError) as error:
         return {"row": {**row, "failed": str(error)}, "test": [], "validation": []}
-    blocks = dict.fromkeys(one.block for one in data.train if one.name in set(result.trained))
-    row |= {
-        "trained_on": f"{' and '.join(blocks)} ({len(result.trained)})" if result.trained else "",
+    return {
+        "row": row | _row_of_scores(data, result),
+        "test": _scores_as_json(result.test),
+        "validation": _scores_as_json(result.validation),
+        "trained_on": list(result.trained),
+    }
+
+
+def _empty_row(data: BaselineData, method: Method) -> dict[str, str]:
+    """The row of a method without its scores, in the order of the columns, with the command that repeats it."""
+    spec = data.data_set.spec
+    orders = [str(order) for order in method.orders]
+    options = ["--method", method.name]
+    if orders:
+        options += ["--orders", *orders]
+    for name in ("twins", "records"):
+        limit = getattr(data.limits, name)
+        if limit != getattr(spec.baselines, name):
+            options += [f"--{name}", str(limit)]
+    test_records = [record for record in data.data_set.index if record.part == "test"]
+    test_joints = dict.fromkeys(chain.from_iterable(record.joints for record in test_records))
+    to_fill = ("test", *(f"test_{joint}" for joint in test_joints), "validation", "records_scored")
+    return {
+        "method": method.name,
+        "orders": " ".join(orders),
+        "metric": spec.scoring.metric,
+        "unit": spec.scoring.unit,
+        "steps": str(spec.scoring.steps),
+        **dict.fromkeys((*to_fill, "trained_on", "twins", "failed"), ""),
+        "software": software(),
+        "command": join(["hmtb", "dataset", "baselines", spec.label, *options]),
+    }
+
+
+def _row_of_scores(data: BaselineData, result: Baseline) -> dict[str, str]:
+    """The cells of a row that a result fills."""
+    trained = set(result.trained)
+    blocks = dict.fromkeys(record.block for record in data.train if record.name in trained)
+    trained_on = f"{' and '.join(blocks)} ({len(trained)})" if trained else ""
+    validation = "" if result.validation is None else _digits(result.validation.mean)
+    return {
+        "trained_on": trained_on,
         "twins": " ".join(map(str, data.twins)),
-        "validation": "" if result.validation is None else _text(result.validation.mean),
-        "test": _text(result.test.mean),
-        **{f"test_{joint}": _text(value) for joint, value in result.test.by_joint.items()},
+        "validation": validation,
+        "test": _digits(result.test.mean),
+        **{f"test_{joint}": _digits(value) for joint, value in result.test.by_joint.items()},
         "records_scored": str(len({score.experiment for score in result.test.scores})),
     }
-    lists = {
-        part: [[one.experiment, one.joint, _text(one.value)] for one in (scores.scores if scores else ())]
-        for part, scores in (("test", result.test), ("validation", result.validation))
-    }
-    return {"row": row, **lists, "trained_on": list(result.trained)}
+
+
+def _scores_as_json(scores: Scores | None) -> list[list[str]]:
+    """The scores of every record and output; none where nothing was scored."""
+    if scores is None:
+        return []
+    return [[score.experiment, score.joint, _digits(score.value)] for score in scores.scores]
 
 
 @cache
@@ -268,15 +340,21 @@ def software() -> str:
 
 def differences(made: Mapping[str, str], published: Mapping[str, str]) -> tuple[str, ...]:
     """List the scores of a row that differ from those of the published row, in words."""
-    texts = []
-    for name, now in made.items():
-        if name in ("test", "validation") or name.startswith("test_"):
-            then = published.get(name, "")
-            if now != then and not (now and then and math.isclose(float(now), float(then), rel_tol=1e-9)):
-                texts.append(f"{name} = {now or 'none'}, published {then or 'none'}")
-    return tuple(texts)
+    lines = []
+    for name, score in made.items():
+        if name not in ("test", "validation") and not name.startswith("test_"):
+            continue
+        published_score = published.get(name, "")
+        if score != published_score and not _are_close(score, published_score):
+            lines.append(f"{name} = {score or 'none'}, published {published_score or 'none'}")
+    return tuple(lines)
 
 
-def _text(value: float) -> str:
+def _are_close(score: str, published_score: str) -> bool:
+    """Whether both are numbers, and equal but for the rounding of other machines."""
+    return bool(score and published_score) and math.isclose(float(score), float(published_score), rel_tol=1e-9)
+
+
+def _digits(value: float) -> str:
     """A score as text; eleven digits, so that rounding is no difference."""
     return f"{value:.11g}"

@@ -11,45 +11,55 @@ from hmtb_twin.files.netcdf import Attribute, Contents
 from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.variables import described
+from scenarios.datasets.variables import netcdf_variables, provenance_attributes
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.best_linear import approximated
+from scenarios.truth.best_linear import BestLinearTruth, approximated
 from scenarios.truth.bla_of_test import joint_command, multisine_like
 
 
-def excitation_class(entry: PlannedExperiment) -> Hashable:
+def excitation_class(planned: PlannedExperiment) -> Hashable:
     """Return a key of what is played on which joints, how strongly, on which arm: equal for repeats and for twins."""
-    arm = entry.arm if entry.twin is None else entry.arm.partition("arm-")[2]
-    experiment, random = entry.experiment, ("seed", "realisations")
-    played: list[Mapping[str, object]] = [
-        {"kind": one.kind, "repeat_frequency": one.repeat_frequency, **one.parameters}
-        for one in getattr(experiment, "excitation", ())
-    ]
+    arm = planned.arm if planned.twin is None else planned.arm.partition("arm-")[2]
+    experiment = planned.experiment
+    signals: list[Mapping[str, object]]
     if isinstance(experiment, MultisineExperiment):
-        played = [vars(experiment.multisines)]
-    texts = [sorted((key, str(value)) for key, value in one.items() if key not in random) for one in played]
-    return arm, entry.joints, tuple(experiment.axes), tuple(map(tuple, texts))
+        signals = [vars(experiment.multisines)]
+    else:
+        signals = [
+            {"kind": signal.kind, "repeat_frequency": signal.repeat_frequency, **signal.parameters}
+            for signal in getattr(experiment, "excitation", ())
+        ]
+    return arm, planned.joints, tuple(experiment.axes), tuple(map(_without_randomness, signals))
+
+
+def _without_randomness(signal: Mapping[str, object]) -> tuple[tuple[str, str], ...]:
+    """Settings of a signal, sorted, without those that draw its random values, and how many draws there are."""
+    kept = {name: value for name, value in signal.items() if name not in ("seed", "realisations")}
+    return tuple(sorted((name, str(value)) for name, value in kept.items()))
 
 
 def best_linear_pieces(plan: DataSetPlan) -> list[str]:
     """Return the first experiments of each class in the blocks that the spec names, on the first twin."""
-    first: dict[Hashable, str] = {}
-    for entry in plan.of_twin() if plan.spec.truth.best_linear else ():
-        if entry.block in plan.spec.truth.best_linear:
-            first.setdefault(excitation_class(entry), entry.name)
-    return list(first.values())
+    blocks = plan.spec.truth.best_linear
+    if not blocks:
+        return []
+    first_of_class: dict[Hashable, str] = {}
+    for planned in plan.of_twin():
+        if planned.block in blocks:
+            first_of_class.setdefault(excitation_class(planned), planned.name)
+    return list(first_of_class.values())
 
 
 def best_linear_files(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, Contents]:
     """Measure the approximation for arm, joints and amplitude of an experiment; a piece of a stage of the build."""
-    entry = next(entry for entry in plan if entry.name == piece)
-    recorded = recorded_realisations(plan, folder, entry)
-    return {entry.best_linear: best_linear_contents(plan.spec, entry, recorded=recorded)}
+    planned = next(planned for planned in plan if planned.name == piece)
+    recorded = recorded_realisations(plan, folder, planned)
+    return {planned.best_linear: best_linear_contents(plan.spec, planned, recorded=recorded)}
 
 
 def recorded_realisations(
-    plan: DataSetPlan, folder: Path, entry: PlannedExperiment
+    plan: DataSetPlan, folder: Path, planned: PlannedExperiment
 ) -> tuple[tuple[MultisineExperiment, JointLog], ...]:
     """Return the realisations of a multisine that a data set has of the class of an experiment, on the same arm.
 
@@ -62,28 +72,31 @@ def recorded_realisations(
     Raises:
         ScenarioError: A damaged file.
     """
-    if not isinstance(entry.experiment, MultisineExperiment):
+    if not isinstance(planned.experiment, MultisineExperiment):
         return ()
-    lines, own_class = entry.experiment.multisines.lines, excitation_class(entry)
+    lines, own_class = planned.experiment.multisines.lines, excitation_class(planned)
+    # Experiments by number of the record, by seed and number of the realisation.
     realisations: dict[tuple[int, int], dict[int, tuple[PlannedExperiment, MultisineExperiment]]] = {}
-    for other in plan.of_twin(entry.twin):
-        one = other.experiment
-        # Odd multisines draw their silent lines, too: only those of one seed have the same.
-        if not isinstance(one, MultisineExperiment) or excitation_class(other) != own_class:
+    for candidate in plan.of_twin(planned.twin):
+        multisine = candidate.experiment
+        if not isinstance(multisine, MultisineExperiment) or excitation_class(candidate) != own_class:
             continue
-        if np.array_equal(one.multisines.lines, lines) and (folder / other.data).is_file():
-            realisations.setdefault((one.multisines.seed, one.realisation), {}).setdefault(one.record, (other, one))
-    return tuple(
-        (one, stored_log(folder, other))
-        for records in realisations.values()
-        if len(records) == len(entry.experiment.axes)
-        for _, (other, one) in sorted(records.items())
-    )
+        # Odd multisines draw their silent lines, too: only those of one seed have the same.
+        if np.array_equal(multisine.multisines.lines, lines) and (folder / candidate.data).is_file():
+            records = realisations.setdefault((multisine.multisines.seed, multisine.realisation), {})
+            records.setdefault(multisine.record, (candidate, multisine))
+    recorded: list[tuple[MultisineExperiment, JointLog]] = []
+    for records in realisations.values():
+        # As many records as axes determine the response from all of them.
+        if len(records) == len(planned.experiment.axes):
+            for _, (candidate, multisine) in sorted(records.items()):
+                recorded.append((multisine, stored_log(folder, candidate)))
+    return tuple(recorded)
 
 
 def best_linear_contents(
     spec: DataSetSpec,
-    entry: PlannedExperiment,
+    planned: PlannedExperiment,
     *,
     recorded: Sequence[tuple[MultisineExperiment, JointLog]] = (),
     threads: int | None = None,
@@ -95,7 +108,7 @@ def best_linear_contents(
 
     Args:
         spec: The data set.
-        entry: The experiment.
+        planned: The experiment.
         recorded: Records of whole realisations, which count; see `recorded_realisations`. The rest of the number that
             the spec asks for is simulated, at least two.
         threads: Threads for the physics; the bits do not depend on it.
@@ -103,21 +116,31 @@ def best_linear_contents(
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines, work in contact or an emergency shutdown.
     """
-    count = len(recorded) // len(entry.experiment.axes)
+    # Each realisation has as many records as axes.
+    count = len(recorded) // len(planned.experiment.axes)
     missing = max(spec.truth.realisations - count, 0)
-    experiments, logs, seconds = [one for one, _ in recorded], [log for _, log in recorded], 0.0
-    facts = {"setting": entry.name, "realisations of the data set": str(count), "realisations simulated": "0"}
+    experiments, logs = [experiment for experiment, _ in recorded], [log for _, log in recorded]
+    physics_seconds = 0.0
+    origin = {"setting": planned.name, "realisations of the data set": str(count), "realisations simulated": "0"}
     if missing:
-        setting, multisines = matching_multisines(spec, entry, realisations=max(missing, 2))
-        more = multisine_experiments(setting, multisines)
-        result = simulate(more, threads=threads)
+        # The spread of a single realisation has no estimate.
+        setting, multisines = matching_multisines(spec, planned, realisations=max(missing, 2))
+        further_experiments = multisine_experiments(setting, multisines)
+        result = simulate(further_experiments, threads=threads)
         for name, reason in result.failed.items():
             raise ScenarioError(f"{name}: {reason}")
-        experiments, logs, seconds = [*experiments, *more], [*logs, *result], result.physics_seconds
-        facts |= {"seed": str(setting.seed), "realisations simulated": str(multisines.realisations)}
-    best = approximated(experiments, logs, measured=entry.joints, physics_seconds=seconds, origin=facts)
+        experiments, logs = [*experiments, *further_experiments], [*logs, *result]
+        physics_seconds = result.physics_seconds
+        origin |= {"seed": str(setting.seed), "realisations simulated": str(multisines.realisations)}
+    best = approximated(experiments, logs, measured=planned.joints, physics_seconds=physics_seconds, origin=origin)
+    variables = netcdf_variables("best_linear", _variables(best))
+    return Contents(variables, _attributes(spec, planned, best))
+
+
+def _variables(best: BestLinearTruth) -> dict[str, object]:
+    """Values of the file of a best linear approximation, by the names of its variables."""
     response, band = best.servo.response, best.bandwidth
-    values = {
+    return {
         "input": best.experiment.axes,
         "output": best.measured,
         "part": ("real", "imaginary"),
@@ -126,46 +149,51 @@ def best_linear_contents(
         "frequency": response.frequencies,
         "response": np.stack([response.response.real, response.response.imag], axis=-1),
         "covariance": response.covariance,
-        **{name: getattr(best.servo, name) for name in ("noise_variance", "total_variance", "distortion_variance")},
+        "noise_variance": best.servo.noise_variance,
+        "total_variance": best.servo.total_variance,
+        "distortion_variance": best.servo.distortion_variance,
         "bandwidth": band.hz,
         "bandwidth_ci95": np.stack(band.ci95),
         "distortion": best.distortion_percent,
         "command_rms": best.command_rms,
     }
-    attributes: dict[str, Attribute] = {
+
+
+def _attributes(spec: DataSetSpec, planned: PlannedExperiment, best: BestLinearTruth) -> dict[str, Attribute]:
+    return {
         "format": "hmtb best linear approximation 1",
         "data_set": spec.label,
-        "experiment": entry.name,
-        "arm": entry.arm,
+        "experiment": planned.name,
+        "arm": planned.arm,
         "realisations": best.servo.realisations,
-        "degrees_of_freedom": float(response.degrees_of_freedom or np.nan),
+        "degrees_of_freedom": float(best.servo.response.degrees_of_freedom or np.nan),
         "slewing": best.slewing,
         "limited": best.limited,
         "license": LICENSE,
-        **{f"provenance_{key}": value for key, value in best.provenance.items()},
+        **provenance_attributes(best.provenance),
     }
-    return Contents(described("best_linear", values), attributes)
 
 
 def matching_multisines(
-    spec: DataSetSpec, entry: PlannedExperiment, *, realisations: int = 8
+    spec: DataSetSpec, planned: PlannedExperiment, *, realisations: int = 8
 ) -> tuple[MultisineExperiment, Multisines]:
     """Return the setting and the multisine like the command of an experiment; see `best_linear_contents`.
 
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines.
     """
-    seed = int(np.random.SeedSequence([spec.seed, *f"best linear {entry.name}".encode()]).generate_state(1)[0])
-    experiment = entry.experiment
+    seed = int(np.random.SeedSequence([spec.seed, *f"best linear {planned.name}".encode()]).generate_state(1)[0])
+    experiment = planned.experiment
     if isinstance(experiment, MultisineExperiment):
         multisines = replace(experiment.multisines, realisations=realisations, seed=seed)
         return replace(experiment, seed=seed), multisines
     if len(experiment.axes) != 1:
         raise ScenarioError(
-            f"{entry.name} excites {', '.join(experiment.axes)} at once; expected a joint alone, or multisines, for a "
-            "best linear approximation"
+            f"{planned.name} excites {', '.join(experiment.axes)} at once; expected a joint alone, or multisines, for "
+            "a best linear approximation"
         )
     command = joint_command(experiment)
+    # The multisine has no mean: it plays about the operating point.
     command = command - command.mean()
     setting, multisines, _ = multisine_like(experiment, [command], seed=seed, realisations=realisations)
     return setting, multisines

@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 from time import monotonic
 from typing import Any, NamedTuple
@@ -121,11 +121,16 @@ def build(
 
 def _is_built(folder: Path, plan: DataSetPlan) -> bool:
     """Whether a folder is this data set of this software, byte for byte: a build may be killed after its last step."""
-    first = _first_files(plan)
-    if not all((folder / name).is_file() and (folder / name).read_bytes() == first[name] for name in first):
-        return False
+    for name, content in _first_files(plan).items():
+        if not (folder / name).is_file() or (folder / name).read_bytes() != content:
+            return False
     checked = list_files(folder)
-    return not checked.problems and all(file_hash(folder / path) == h for path, h in checked.sums.items())
+    return not checked.problems and _have_hashes(folder, checked.sums)
+
+
+def _have_hashes(folder: Path, hashes: Mapping[str, str]) -> bool:
+    """Whether files are there and have these hashes, by path."""
+    return all((folder / path).is_file() and file_hash(folder / path) == value for path, value in hashes.items())
 
 
 def _first_files(plan: DataSetPlan) -> dict[str, bytes]:
@@ -145,9 +150,11 @@ def _build_folder(
             f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"
         )
     label = plan.spec.label
+    spec_table = read_toml(plan.spec.to_toml(), label)
     # Everything that the bits of a data set depend on, by name.
-    table = {key: json.dumps(value, sort_keys=True) for key, value in read_toml(plan.spec.to_toml(), label).items()}
-    with Journal(folder / JOURNAL, {**table, **versions(), "source": fingerprint()}) as journal:
+    origin = {key: json.dumps(value, sort_keys=True) for key, value in spec_table.items()}
+    origin |= {**versions(), "source": fingerprint()}
+    with Journal(folder / JOURNAL, origin) as journal:
         remove_partial(folder)
         write_files(folder, _first_files(plan))
         _check_entries(folder, plan, journal, report)
@@ -156,7 +163,9 @@ def _build_folder(
         # Checksums of an earlier end are wrong while files still change.
         (folder / SUMS).unlink(missing_ok=True)
         write_index(folder, label, _experiments(journal))
-        keys = [key for stage in STAGES for key in _run_stage(stage, plan, folder, journal, report)]
+        keys: list[str] = []
+        for stage in STAGES:
+            keys += _run_stage(stage, plan, folder, journal, report)
         report(Progress("finish", 0, 1))
         # In the order of the plan, whatever order they were made in.
         write_index(folder, label, _experiments(journal), map(journal.get, keys))
@@ -168,34 +177,38 @@ def _build_folder(
 
 def _experiments(journal: Journal) -> Iterator[dict[str, Any]]:
     """Journal entries of the experiments, in the order of the plan."""
-    return (entry for _, entry in journal.items("experiment "))
+    return (finished for _, finished in journal.items("experiment "))
 
 
 def _check_entries(folder: Path, plan: DataSetPlan, journal: Journal, report: Report) -> None:
     """Remove entries of the journal whose files are missing or damaged: they are made again."""
     failed = 0
-    entries = list(journal.items())
-    for done, (key, entry) in enumerate(entries, start=1):
-        report(Progress("check", done, len(entries)))
-        failed += "failed" in entry and "number" in entry
-        if not all((folder / path).is_file() and file_hash(folder / path) == h for path, h in entry["files"].items()):
+    finished_work = list(journal.items())
+    for done, (key, finished) in enumerate(finished_work, start=1):
+        report(Progress("check", done, len(finished_work)))
+        # Pieces of stages have no number.
+        failed += "failed" in finished and "number" in finished
+        if not _have_hashes(folder, finished["files"]):
             journal.remove(key)
     # If all have failed, whatever kept them from running may be gone.
-    for key, _ in entries if failed == len(plan) else ():
-        journal.remove(key)
+    if failed == len(plan):
+        for key, _ in finished_work:
+            journal.remove(key)
 
 
 def _check_records(folder: Path, journal: Journal) -> None:
     """Refuse to publish a data set without any record."""
     reasons: Counter[str] = Counter()
-    for entry in _experiments(journal):
-        if "failed" not in entry:
+    for finished in _experiments(journal):
+        if "failed" not in finished:
             return
-        reasons[entry["failed"].removeprefix(f"{entry['about']['name']}: ")] += 1
-    (why, times), more = reasons.most_common(1)[0], len(reasons) - 1
+        # Without the name, equal reasons are counted together.
+        reasons[finished["failed"].removeprefix(f"{finished['about']['name']}: ")] += 1
+    (commonest, times), other_reasons = reasons.most_common(1)[0], len(reasons) - 1
+    and_others = f"; {other_reasons} other reasons" if other_reasons else ""
     raise ScenarioError(
-        f"none of {reasons.total()} experiments has a record, and nothing is published; {times} of them: {why}"
-        f"{f'; {more} other reasons' if more else ''}. The same command tries them again in {folder}"
+        f"none of {reasons.total()} experiments has a record, and nothing is published; {times} of them: {commonest}"
+        f"{and_others}. The same command tries them again in {folder}"
     )
 
 
@@ -210,94 +223,135 @@ def _simulate_rest(
 ) -> None:
     """Simulate the rest of the experiments; those that are done when something fails are kept."""
     keys = journal.keys("experiment ")
-    left = [number for number in range(len(plan)) if EXPERIMENT.format(number) not in keys]
-    done, total, whole = len(plan) - len(left), len(plan), plan.seconds
-    simulated, shown = max(whole - sum(map(plan.duration, left)), 0.0), 0.0
-    waiting: list[BuiltExperiment] = []
-    written = monotonic()
-
-    def show(ticks: int = 0) -> None:
-        nonlocal shown
-        # When the first experiment of a chunk arrives, the ticks of the others have been shown already.
-        shown = min(max(shown, simulated + ticks / SAMPLE_RATE), whole)
-        report(Progress("records", done, total, "experiments", shown, whole))
-
-    def write() -> None:
-        nonlocal done, written
-        if waiting:
-            write_files(folder, {path: content for one in waiting for path, content in one.files.items()})
-            journal.add_all({EXPERIMENT.format(one.number): one.journal_entry() for one in waiting})
-            done += len(waiting)
-            waiting.clear()
-            written = monotonic()
-            show()
+    to_do = [index for index in range(len(plan)) if EXPERIMENT.format(index) not in keys]
+    writer = _Writer(folder, plan, journal, report, to_do)
 
     def batches() -> Iterator[tuple[int, ...]]:
-        for chunk in chunks(plan, left, rows=rows):
-            write()  # before the next long piece of work begins
+        for chunk in chunks(plan, to_do, rows=rows):
+            writer.write()  # before the next long piece of work begins
             yield chunk
 
     def results() -> Iterator[BuiltExperiment]:
         if executor is None:
             for chunk in batches():
-                yield from run_chunk(plan, chunk, threads=workers, progress=lambda ticks, _: show(ticks))
+                yield from run_chunk(plan, chunk, threads=workers, progress=lambda ticks, _: writer.show(ticks))
             return
-        text = plan.spec.to_toml()
+        spec = plan.spec.to_toml()
         with executor:
             yield from executor.run(
-                run_chunk_elsewhere, text, batches(), name=lambda number: plan[number].name, items="experiments"
+                run_chunk_elsewhere, spec, batches(), name=lambda index: plan[index].name, items="experiments"
             )
 
-    show()
+    writer.show()
     try:
         for experiment in results():
-            waiting.append(experiment)
-            simulated += plan.duration(experiment.number)
-            # Written together, so that their folders are flushed to the disk once; none waits longer than 2 s.
-            if len(waiting) >= 16 or monotonic() - written > 2.0:
-                write()
+            writer.add(experiment)
     except OSError:
+        # The disk may be full: another attempt to write would fail too, and hide the reason.
         raise
     except BaseException:
-        write()
+        writer.write()
         raise
-    write()
-    if done < total:
-        raise ScenarioError(f"the executor returned {done} of {total} experiments; expected all")
+    writer.write()
+    if writer.done < len(plan):
+        raise ScenarioError(f"the executor returned {writer.done} of {len(plan)} experiments; expected all")
+
+
+MOST_WAITING, LONGEST_WAIT = 16, 2.0
+"""Experiments that wait to be written together, and how long the first of them may wait, s."""
+
+
+class _Writer:
+    """Writes simulated experiments into folder and journal, several together, and shows the progress.
+
+    Their folders are flushed to the disk once for all of them, which takes longer than writing small files.
+    """
+
+    def __init__(
+        self, folder: Path, plan: DataSetPlan, journal: Journal, report: Report, to_do: Collection[int]
+    ) -> None:
+        self._folder, self._plan, self._journal, self._report = folder, plan, journal, report
+        self.done = len(plan) - len(to_do)
+        self._seconds = plan.seconds
+        # At least 0: the sums are of many lengths, in different orders.
+        self._simulated_seconds = max(self._seconds - sum(map(plan.duration, to_do)), 0.0)
+        self._shown_seconds = 0.0
+        self._waiting: list[BuiltExperiment] = []
+        self._written_at = monotonic()
+
+    def show(self, ticks: int = 0) -> None:
+        """Show the progress, with the ticks that a chunk has run."""
+        seconds = self._simulated_seconds + ticks / SAMPLE_RATE
+        # When the first experiment of a chunk arrives, the ticks of the others have been shown already.
+        self._shown_seconds = min(max(self._shown_seconds, seconds), self._seconds)
+        total = len(self._plan)
+        self._report(Progress("records", self.done, total, "experiments", self._shown_seconds, self._seconds))
+
+    def add(self, experiment: BuiltExperiment) -> None:
+        """Take an experiment, and write all that wait when they are many, or have waited long."""
+        self._waiting.append(experiment)
+        self._simulated_seconds += self._plan.duration(experiment.number)
+        if len(self._waiting) >= MOST_WAITING or monotonic() - self._written_at > LONGEST_WAIT:
+            self.write()
+
+    def write(self) -> None:
+        """Write the experiments that wait: first their files, then that they are done."""
+        if not self._waiting:
+            return
+        files: dict[str, bytes] = {}
+        for experiment in self._waiting:
+            files |= experiment.files
+        write_files(self._folder, files)
+        finished = {EXPERIMENT.format(experiment.number): experiment.journal_entry() for experiment in self._waiting}
+        self._journal.add_all(finished)
+        self.done += len(self._waiting)
+        self._waiting.clear()
+        self._written_at = monotonic()
+        self.show()
 
 
 def _run_stage(stage: Stage, plan: DataSetPlan, folder: Path, journal: Journal, report: Report) -> Iterator[str]:
     """Make the pieces of a stage that are not in the journal, and yield the keys of all."""
     pieces = list(stage.pieces(plan))
-    for number, piece in enumerate(pieces):
+    for done, piece in enumerate(pieces):
         key = f"stage {stage.name}: {piece}"
-        report(Progress(stage.name, number, len(pieces)))
+        report(Progress(stage.name, done, len(pieces)))
         if key not in journal:
-            entry: dict[str, Any] = {"stage": stage.name, "piece": piece, "files": {}, "arrays": {}}
-            try:
-                contents = stage.make(plan, folder, piece)
-            except (ScenarioError, TwinError, SysidError) as error:
-                journal.add(key, {**entry, "failed": str(error)})
-            else:
-                files = {path: one.to_bytes() if isinstance(one, Contents) else one for path, one in contents.items()}
-                write_files(folder, files)
-                entry["files"] = {path: bytes_hash(content) for path, content in files.items()}
-                arrays = {path: one for path, one in contents.items() if isinstance(one, Contents)}
-                entry["arrays"] = {path: one.array_hashes() for path, one in arrays.items()}
-                journal.add(key, entry)
+            journal.add(key, _make_piece(stage, piece, plan, folder))
         yield key
+
+
+def _make_piece(stage: Stage, piece: str, plan: DataSetPlan, folder: Path) -> dict[str, Any]:
+    """Make and write the files of a piece of a stage, and return its entry in the journal."""
+    finished: dict[str, Any] = {"stage": stage.name, "piece": piece, "files": {}, "arrays": {}}
+    try:
+        contents = stage.make(plan, folder, piece)
+    except (ScenarioError, TwinError, SysidError) as error:
+        return {**finished, "failed": str(error)}
+    files: dict[str, bytes] = {}
+    for path, content in contents.items():
+        if isinstance(content, Contents):
+            finished["arrays"][path] = content.array_hashes()
+            files[path] = content.to_bytes()
+        else:
+            files[path] = content
+    write_files(folder, files)
+    finished["files"] = {path: bytes_hash(content) for path, content in files.items()}
+    return finished
 
 
 def _write_checksums(folder: Path, journal: Journal, metadata: Iterable[str]) -> None:
     """Write the checksums of all files; refuse files that the build did not make."""
-    sums = {path: value for _, entry in journal.items() for path, value in entry["files"].items()}
+    sums: dict[str, str] = {}
+    for _, finished in journal.items():
+        sums |= finished["files"]
     sums |= {path: file_hash(folder / path) for path in metadata}
     # SQLite keeps files of its own beside the journal.
     strays = [path for path in paths_of_files(folder) if path not in sums and not path.startswith(JOURNAL)]
     if strays:
-        more = f" and {len(strays) - SHOWN} more" if len(strays) > SHOWN else ""
+        and_more = f" and {len(strays) - SHOWN} more" if len(strays) > SHOWN else ""
         raise ScenarioError(
-            f"{folder} holds {', '.join(map(ascii, strays[:SHOWN]))}{more}, which no part of the build made: move away "
-            "what does not belong to the data set, and run the command again to resume"
+            f"{folder} holds {', '.join(map(ascii, strays[:SHOWN]))}{and_more}, which no part of the build made: move "
+            "away what does not belong to the data set, and run the command again to resume"
         )
     write_checksums(folder, sums)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from functools import cache
-from importlib.resources import files
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,7 +10,7 @@ from scenarios.datasets.check import examine
 from scenarios.datasets.data_set import DataSet, cache_folder, open_data_set
 from scenarios.datasets.spec import shipped
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.files.toml_file import read_toml
+from scenarios.files.toml_file import package_table
 from scenarios.jobs.progress import Report, show_progress
 
 SHOWN = 3
@@ -58,9 +57,10 @@ def load_dataset(
         return build(shipped()[name], folder, workers=workers, progress=progress)
     problems = examine(folder / name, regenerate=0, workers=workers, progress=progress).problems
     if problems:
-        more = f"; and {len(problems) - SHOWN} more" if len(problems) > SHOWN else ""
+        and_more = f"; and {len(problems) - SHOWN} more" if len(problems) > SHOWN else ""
         raise ScenarioError(
-            f"{folder / name} is damaged: {'; '.join(problems[:SHOWN])}{more}. Remove the folder, and it is built again"
+            f"{folder / name} is damaged: {'; '.join(problems[:SHOWN])}{and_more}. Remove the folder, and it is built "
+            "again"
         )
     return open_data_set(folder / name)
 
@@ -68,19 +68,16 @@ def load_dataset(
 @cache
 def canonical() -> Mapping[str, Canonical]:
     """Return canonical hash, size and build time of the data sets of this release, by name."""
-    text = files("scenarios").joinpath("data", "canonical.toml").read_text(encoding="utf-8")
-    return {name: Canonical(**table) for name, table in read_toml(text, "canonical.toml").items()}
+    return {name: Canonical(**table) for name, table in package_table("canonical.toml").items()}
 
 
 def canonical_verdict(data_set: DataSet) -> tuple[bool, str]:
     """Return whether the records have the canonical hash of this release, and a line that says so."""
-    own, named = data_set.records_hash, canonical().get(data_set.label)
-    if named is None:
-        return True, f"{data_set.label}: records {own[:12]}; this release names no canonical hash"
-    if own == named.records:
-        return True, f"{data_set.label}: records {own[:12]}, the canonical ones of this release"
-    why = "built with other versions, or on another kind of processor: hmtb dataset check tells how near they are"
-    return (
-        False,
-        f"{data_set.label}: records {own[:12]}, not the canonical ones {named.records[:12]} of this release; {why}",
-    )
+    records = f"{data_set.label}: records {data_set.records_hash[:12]}"
+    release = canonical().get(data_set.label)
+    if release is None:
+        return True, f"{records}; this release names no canonical hash"
+    if data_set.records_hash == release.records:
+        return True, f"{records}, the canonical ones of this release"
+    reason = "built with other versions, or on another kind of processor: hmtb dataset check tells how near they are"
+    return False, f"{records}, not the canonical ones {release.records[:12]} of this release; {reason}"

@@ -51,8 +51,9 @@ class BuiltExperiment:
 
     def journal_entry(self) -> dict[str, Any]:
         """All of it, with hashes in place of the files; without reasons where there are none."""
-        entry = {**vars(self), "files": {path: bytes_hash(content) for path, content in self.files.items()}}
-        return {key: value for key, value in entry.items() if value or key not in ("failed", "missing")}
+        hashes = {path: bytes_hash(content) for path, content in self.files.items()}
+        attributes = {**vars(self), "files": hashes}
+        return {name: value for name, value in attributes.items() if value or name not in ("failed", "missing")}
 
 
 def chunks(plan: DataSetPlan, left: Iterable[int], *, rows: int = MOST_ROWS) -> Iterator[tuple[int, ...]]:
@@ -64,14 +65,15 @@ def chunks(plan: DataSetPlan, left: Iterable[int], *, rows: int = MOST_ROWS) -> 
         rows: Experiments of a chunk at most.
     """
     chunk: list[int] = []
-    samples = 0
-    for number in left:
-        length = round(SAMPLE_RATE * plan.duration(number))
-        if chunk and (len(chunk) >= rows or samples + length > MOST_SAMPLES):
+    chunk_samples = 0
+    for index in left:
+        samples = round(SAMPLE_RATE * plan.duration(index))
+        # A record that is longer than a chunk may be is a chunk of its own.
+        if chunk and (len(chunk) >= rows or chunk_samples + samples > MOST_SAMPLES):
             yield tuple(chunk)
-            chunk, samples = [], 0
-        chunk.append(number)
-        samples += length
+            chunk, chunk_samples = [], 0
+        chunk.append(index)
+        chunk_samples += samples
     if chunk:
         yield tuple(chunk)
 
@@ -90,34 +92,34 @@ def run_chunk(
     Yields:
         The files of each, in the order of the numbers; of one that cannot be simulated, the reason.
     """
-    entries = {number: plan[number] for number in numbers}
-    experiments = [entry.experiment for entry in entries.values()]
+    planned_experiments = {index: plan[index] for index in numbers}
+    experiments = [planned.experiment for planned in planned_experiments.values()]
     result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
     failed, logs = result.failed, {log.name: log for log in result.logs}
     del result, experiments  # logs are dropped one by one, when their files are made
-    for number, entry in entries.items():
+    for index, planned in planned_experiments.items():
         contents: dict[str, Contents] = {}
         missing: dict[str, str] = {}
-        if log := logs.pop(entry.name, None):
-            contents[entry.data] = data_contents(plan.spec, entry, log)
-            contents[entry.signals] = signal_contents(plan.spec, entry, log)
-        if plan.brings_arm(number):
+        if log := logs.pop(planned.name, None):
+            contents[planned.data] = data_contents(plan.spec, planned, log)
+            contents[planned.signals] = signal_contents(plan.spec, planned, log)
+        if plan.brings_arm(index):
             # Made here, while the arm is still loaded.
             try:
-                contents |= arm_files(plan, entry)
+                contents |= arm_files(plan, planned)
             except (TwinError, ScenarioError) as error:
-                missing[arm_file(entry.arm)] = str(error)
+                missing[arm_file(planned.arm)] = str(error)
         yield BuiltExperiment(
-            number,
-            entry.facts,
-            files={path: one.to_bytes() for path, one in contents.items()},
-            arrays={path: one.array_hashes() for path, one in contents.items()},
-            failed=failed.get(entry.name, ""),
+            index,
+            planned.facts,
+            files={path: content.to_bytes() for path, content in contents.items()},
+            arrays={path: content.array_hashes() for path, content in contents.items()},
+            failed=failed.get(planned.name, ""),
             missing=missing,
         )
 
 
-_ALONE = Lock()
+_ONE_CHUNK_AT_A_TIME = Lock()
 _plan = lru_cache(maxsize=1)(lambda spec: DataSetPlan(DataSetSpec.from_toml(spec)))
 
 
@@ -130,7 +132,7 @@ def run_chunk_elsewhere(spec: str, numbers: tuple[int, ...]) -> list[BuiltExperi
     """
     steady_memory()
     # The threads of a worker share the arms that are loaded.
-    with _ALONE:
+    with _ONE_CHUNK_AT_A_TIME:
         return list(run_chunk(_plan(spec), numbers, threads=worker_threads()))
 
 

@@ -2,7 +2,7 @@
 
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, partial
@@ -93,15 +93,16 @@ class DataRecord(ListedExperiment):
         signals = self.signals
         y = np.full((len(signals.u), signals.y.shape[1]), np.nan)
         y[: len(signals.y)] = signals.y
+        units = ("rad",) * len(self.joints)
         return IOData(
             signals.u,
             y,
             float(signals.dt),
             input_names=tuple(f"{joint} commanded" for joint in self.joints),
             output_names=tuple(f"{joint} measured" for joint in self.joints),
-            input_units=("rad",) * len(self.joints),
-            output_units=("rad",) * len(self.joints),
-            intersample="zoh",
+            input_units=units,
+            output_units=units,
+            intersample="zoh",  # the control computer holds a command until its next tick
             window=self.state_initialization_window_length or 0,
             name=self.name,
             missing=signals.withheld or bool(np.isnan(y).any()),
@@ -135,8 +136,8 @@ class DataRecord(ListedExperiment):
                 f"{self.name}[{index.start}:{index.stop}:{step}] of {len(signals.u)} samples given, expected a:b"
             )
         window = max(min(signals.window, stop) - start, 0)
-        part = Signals(signals.u[start:stop], signals.y[start:stop], signals.dt, window)
-        return replace(self, read=lambda: part)
+        section = Signals(signals.u[start:stop], signals.y[start:stop], signals.dt, window)
+        return replace(self, read=lambda: section)
 
     def __repr__(self) -> str:
         return f"<DataRecord {self.name}: {self.part}, {', '.join(self.joints)}>"
@@ -163,7 +164,7 @@ class DataSet:
     @property
     def records_hash(self) -> str:
         """Hash of the arrays of all records, as papers cite it; see `hash_of_records`."""
-        return hash_of_records({"file": one.file, "arrays": {one.file: one.arrays}} for one in self.index)
+        return hash_of_records({"file": record.file, "arrays": {record.file: record.arrays}} for record in self.index)
 
     @property
     def train(self) -> tuple[DataRecord, ...]:
@@ -191,8 +192,9 @@ class DataSet:
         """
         if part is not None and part not in PARTS:
             raise ScenarioError(unknown("part", part, PARTS))
+        recorded = [record for record in self.index if record.failed is None]
         # Copies, so that numbers which have been read go with the records, and do not stay with the data set.
-        return tuple(replace(one) for one in self.index if one.failed is None and part in (None, one.part))
+        return tuple(replace(record) for record in recorded if part in (None, record.part))
 
     def record(self, name: str) -> DataRecord:
         """Return the record of an experiment.
@@ -200,12 +202,12 @@ class DataSet:
         Raises:
             ScenarioError: There is no such experiment, or it failed.
         """
-        known = {one.name: one for one in self.index}
-        if name not in known:
-            raise ScenarioError(f"{self.label}: {unknown('experiment', name, known)}")
-        if known[name].failed is not None:
-            raise ScenarioError(f"{self.label}: {name} has no record: {known[name].failed}")
-        return replace(known[name])
+        records = {record.name: record for record in self.index}
+        if name not in records:
+            raise ScenarioError(f"{self.label}: {unknown('experiment', name, records)}")
+        if records[name].failed is not None:
+            raise ScenarioError(f"{self.label}: {name} has no record: {records[name].failed}")
+        return replace(records[name])
 
     def select(
         self, *, joint: Joints | None = None, block: str | None = None, arm: str | None = None, twin: int | None = None
@@ -221,28 +223,31 @@ class DataSet:
         Raises:
             ScenarioError: No experiment is left; the text lists the choices.
         """
-        joints = None if joint is None else (joint,) if isinstance(joint, str) else tuple(joint)
-        left = self.index
+        joints: tuple[str, ...] | None = None
+        if joint is not None:
+            joints = (joint,) if isinstance(joint, str) else tuple(joint)
+        remaining = self.index
         for key, value in {"joints": joints, "block": block, "arm": arm, "twin": twin}.items():
             if value is None:
                 continue
-            selected = tuple(one for one in left if getattr(one, key) == value)
+            selected = tuple(record for record in remaining if getattr(record, key) == value)
             if not selected:
-                known = [_shown(one) for one in dict.fromkeys(getattr(one, key) for one in left)]
-                choices = "; ".join(known[:12]) + (f"; and {len(known) - 12} more" if len(known) > 12 else "")
-                raise ScenarioError(f"{self.label}: no experiment with {key} = {_shown(value)}; there are: {choices}")
-            left = selected
-        return replace(self, index=left)
+                values = dict.fromkeys(getattr(record, key) for record in remaining)
+                raise ScenarioError(
+                    f"{self.label}: no experiment with {key} = {_shown(value)}; there are: {_choices_in_words(values)}"
+                )
+            remaining = selected
+        return replace(self, index=remaining)
 
     @property
     def failed(self) -> Mapping[str, str]:
         """Why experiments have no record, by name."""
-        return {one.name: one.failed for one in self.index if one.failed is not None}
+        return {record.name: record.failed for record in self.index if record.failed is not None}
 
     @property
     def arms(self) -> tuple[str, ...]:
         """The arms under their conditions, in order."""
-        return tuple(dict.fromkeys(one.arm for one in self.index))
+        return tuple(dict.fromkeys(record.arm for record in self.index))
 
     @cached_property
     def spec(self) -> DataSetSpec:
@@ -265,38 +270,51 @@ def open_data_set(folder: str | Path) -> DataSet:
         ScenarioError: There is none, it is not finished, or its index is damaged.
     """
     folder = Path(folder)
+    # What lies in the working folder goes before the cache, even a broken link.
     if not os.path.lexists(folder) and len(folder.parts) == 1 and (cache_folder() / folder / INDEX).is_file():
         folder = cache_folder() / folder
     if not (folder / INDEX).is_file():
-        unfinished = folder.parent / f"{folder.name}{UNFINISHED}"
-        if folder.name.endswith(UNFINISHED) or unfinished.is_dir():
-            raise ScenarioError(f"{folder} is not built to its end; to resume: hmtb dataset build")
-        what = f"no {INDEX} in it" if folder.is_dir() else "no such folder"
-        raise ScenarioError(
-            f"{str(folder)!r} is no data set: {what}; expected a folder that hmtb dataset build made, or the name of "
-            f"one that hmtb dataset get has put into {cache_folder()}"
-        )
+        raise ScenarioError(_why_no_data_set(folder))
     try:
         index = read_index(folder)
-        entries = tuple(_data_record(folder, entry) for entry in index["experiments"])
+        records = tuple(_data_record(folder, listed) for listed in index["experiments"])
         if not NAME.fullmatch(index["data_set"]):
             raise ValueError(f"data set {index['data_set']!r} names no folder")
-        incomplete: dict[str, str] = {}
-        for entry in index["experiments"]:
-            incomplete |= {entry["name"]: entry["failed"]} if entry["failed"] else {}
-            incomplete |= entry.get("missing", {})
-        incomplete |= {
-            f"{one['stage']}: {one['piece']}": one["failed"] for one in index.get("stages", ()) if one["failed"]
-        }
-        return DataSet(folder, str(index["data_set"]), str(index["hash"]), entries, incomplete)
+        return DataSet(folder, str(index["data_set"]), str(index["hash"]), records, _reasons_of_failures(index))
     except DAMAGE as error:
         raise ScenarioError(f"{folder / INDEX} is damaged, or of another version: {error}") from error
 
 
+def _why_no_data_set(folder: Path) -> str:
+    """Message about a folder without an index: unfinished, without data, or not there."""
+    unfinished = folder.parent / f"{folder.name}{UNFINISHED}"
+    if folder.name.endswith(UNFINISHED) or unfinished.is_dir():
+        return f"{folder} is not built to its end; to resume: hmtb dataset build"
+    reason = f"no {INDEX} in it" if folder.is_dir() else "no such folder"
+    return (
+        f"{str(folder)!r} is no data set: {reason}; expected a folder that hmtb dataset build made, or the name of "
+        f"one that hmtb dataset get has put into {cache_folder()}"
+    )
+
+
+def _reasons_of_failures(index: Mapping[str, Any]) -> dict[str, str]:
+    """Why experiments have no record, files of their truth are missing, and pieces of stages failed, by name."""
+    reasons: dict[str, str] = {}
+    for experiment in index["experiments"]:
+        if experiment["failed"]:
+            reasons[experiment["name"]] = experiment["failed"]
+        reasons |= experiment.get("missing", {})
+    for piece in index.get("stages", ()):
+        if piece["failed"]:
+            reasons[f"{piece['stage']}: {piece['piece']}"] = piece["failed"]
+    return reasons
+
+
 def cache_folder() -> Path:
     """Return the folder of the copies: HMTB_CACHE, else hmtb-twin in XDG_CACHE_HOME or ~/.cache."""
-    if own := os.environ.get("HMTB_CACHE"):
-        return Path(own).expanduser()
+    if hmtb_cache := os.environ.get("HMTB_CACHE"):
+        return Path(hmtb_cache).expanduser()
+    # An empty XDG_CACHE_HOME counts as none, as the XDG base directory specification has it.
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "hmtb-twin"
 
 
@@ -326,29 +344,45 @@ def load(
     selected = open_data_set(folder).select(joint=joint, block=block, arm=arm, twin=twin)
     for part, records in (("train", selected.train), ("test", selected.test)):
         if not records:
-            counts = Counter(one.part for one in selected.index if one.failed is None)
+            counts = Counter(record.part for record in selected.index if record.failed is None)
             present = ", ".join(f"{count} for {name}" for name, count in counts.items()) or "none at all"
             raise ScenarioError(f"{selected.label}: no {part} records selected, but {present}; see open_data_set")
-    train, test = selected.train, selected.test
-    return train[0] if len(train) == 1 else train, test[0] if len(test) == 1 else test
+    return _single_or_all(selected.train), _single_or_all(selected.test)
 
 
-def _data_record(folder: Path, entry: Mapping[str, Any]) -> DataRecord:
-    path = PurePosixPath(entry["file"])
+def _single_or_all(records: tuple[DataRecord, ...]) -> DataRecord | tuple[DataRecord, ...]:
+    return records[0] if len(records) == 1 else records
+
+
+def _data_record(folder: Path, listed: Mapping[str, Any]) -> DataRecord:
+    """The record of an experiment as the index lists it; no path of a downloaded index leads out of the folder."""
+    path = PurePosixPath(listed["file"])
     if path.is_absolute() or ".." in path.parts:
-        raise ValueError(f"file {entry['file']!r} is outside the folder")
+        raise ValueError(f"file {listed['file']!r} is outside the folder")
     for key in ("name", "part", "block", "arm"):
-        if not isinstance(entry[key], str):
-            raise TypeError(f"{key} {entry[key]!r} is no text")
-    if not NAME.fullmatch(entry["name"]) or entry["part"] not in PARTS:
-        raise ValueError(f"name {entry['name']!r} or part {entry['part']!r} names no file")
-    arrays = dict(entry.get("arrays", {}).get(entry["file"], {}))
+        if not isinstance(listed[key], str):
+            raise TypeError(f"{key} {listed[key]!r} is no text")
+    if not NAME.fullmatch(listed["name"]) or listed["part"] not in PARTS:
+        raise ValueError(f"name {listed['name']!r} or part {listed['part']!r} names no file")
+    arrays = dict(listed.get("arrays", {}).get(listed["file"], {}))
     return DataRecord(
-        **{key: entry[key] for key in ("name", "part", "block", "arm", "twin", "file", "failed")},
-        joints=tuple(entry["joints"]),
+        **{key: listed[key] for key in ("name", "part", "block", "arm", "twin", "file", "failed")},
+        joints=tuple(listed["joints"]),
         arrays=arrays,
-        read=partial(_read_signals, folder / path, entry["name"], arrays),
+        read=partial(_read_signals, folder / path, listed["name"], arrays),
     )
+
+
+MOST_CHOICES = 12
+"""Choices that an error lists."""
+
+
+def _choices_in_words(values: Iterable[object]) -> str:
+    """The first choices, and how many others there are."""
+    choices = [_shown(value) for value in values]
+    if len(choices) > MOST_CHOICES:
+        choices[MOST_CHOICES:] = [f"and {len(choices) - MOST_CHOICES} more"]
+    return "; ".join(choices)
 
 
 def _shown(value: object) -> str:
@@ -356,6 +390,7 @@ def _shown(value: object) -> str:
 
 
 def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Signals:
+    """Read inputs and outputs of a record, and compare their hashes with those of the index."""
     contents = read_netcdf(path, only=("u", "y"))
     try:
         if contents.attributes["experiment"] != experiment:
@@ -364,6 +399,7 @@ def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Sig
             )
         u, y = contents.variables["u"].values, contents.variables["y"].values
         window = int(contents.attributes["initialisation_window"])
+        # Where the outputs are withheld, y runs along the samples of the window alone.
         expected = len(u) if contents.variables["y"].dims[0] == "sample" else min(window, len(u))
         if len(y) != expected:
             raise ScenarioError(f"{path}: {len(y)} samples of y given, expected {expected}")
@@ -382,4 +418,5 @@ def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Sig
 
 def sampling_time(contents: Contents) -> Fraction:
     """Return the exact sampling time of a record, s."""
-    return Fraction(*(int(contents.attributes[f"sampling_time_{word}"]) for word in ("numerator", "denominator")))
+    numerator, denominator = (contents.attributes[f"sampling_time_{word}"] for word in ("numerator", "denominator"))
+    return Fraction(int(numerator), int(denominator))

@@ -4,7 +4,7 @@ import json
 import os
 import re
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
@@ -22,7 +22,10 @@ MOST_SHOWN = 20
 """Problems of one kind that are reported one by one."""
 
 MOST_BYTES = {INDEX: 2**30, SPEC: 2**24}
-"""No index and no spec is larger; nor any other file than 2**36 bytes."""
+"""No index and no spec is larger: they are read whole."""
+
+MOST_FILE_BYTES = 2**36
+"""No other file is larger, 64 GiB."""
 
 
 @dataclass
@@ -73,54 +76,60 @@ def list_files(folder: Path) -> CheckedFolder:
     checked = CheckedFolder()
     problems, sizes, unreadable = checked.problems, checked.sizes, list[OSError]()
     for parent, folders, names in os.walk(folder, onerror=unreadable.append):
-        folders.sort()
+        folders.sort()  # in place: the order in which `walk` goes on
         for name in sorted((*names, *folders)):
-            path = Path(parent, name)
-            place = path.relative_to(folder).as_posix()
-            status = path.lstat()
-            if not place.isprintable():
-                problems.append(f"{place!r}: expected a name of printable characters")
-            elif stat.S_ISDIR(status.st_mode):
-                continue
-            elif not stat.S_ISREG(status.st_mode):
-                kind = "a link" if stat.S_ISLNK(status.st_mode) else "no ordinary file"
-                problems.append(f"{place!r} is {kind}; expected files alone")
-            elif status.st_size > 2**36:
-                problems.append(f"{place!r} has {status.st_size} bytes; expected at most {2**36}")
-            else:
-                sizes[place] = status.st_size
+            _list_file(Path(parent, name), folder, checked)
     problems += [f"{error.filename}: cannot be listed: {error.strerror}" for error in unreadable]
     if sizes.pop(SUMS, None) is None:
         problems.append(f"{SUMS} is missing: no file can be checked against it")
         return checked
     _read_sums(folder / SUMS, checked)
-    problems += [f"{place} is missing" for place in checked.sums if place not in sizes]
-    for place in [place for place in sizes if place not in checked.sums]:
-        problems.append(f"{place} is not listed in {SUMS}")
-        del sizes[place]
+    problems += [f"{path} is missing" for path in checked.sums if path not in sizes]
+    for path in [path for path in sizes if path not in checked.sums]:
+        problems.append(f"{path} is not listed in {SUMS}")
+        del sizes[path]
     return checked
 
 
-def _read_sums(path: Path, checked: CheckedFolder) -> None:
+def _list_file(file: Path, folder: Path, checked: CheckedFolder) -> None:
+    """Note the size of a file, or why it is not read: a link could lead out, reading a pipe would never end."""
+    path = file.relative_to(folder).as_posix()
+    status = file.lstat()
+    if not path.isprintable():
+        checked.problems.append(f"{path!r}: expected a name of printable characters")
+    elif stat.S_ISDIR(status.st_mode):
+        return
+    elif not stat.S_ISREG(status.st_mode):
+        file_type = "a link" if stat.S_ISLNK(status.st_mode) else "no ordinary file"
+        checked.problems.append(f"{path!r} is {file_type}; expected files alone")
+    elif status.st_size > MOST_FILE_BYTES:
+        checked.problems.append(f"{path!r} has {status.st_size} bytes; expected at most {MOST_FILE_BYTES}")
+    else:
+        checked.sizes[path] = status.st_size
+
+
+def _read_sums(sums_file: Path, checked: CheckedFolder) -> None:
     """Read the checksums; a wrong line is a problem."""
-    sums, bad = checked.sums, 0
-    with path.open("rb") as stream:
+    sums, wrong_lines = checked.sums, 0
+    with sums_file.open("rb") as stream:
         # A line of any length would fill the memory.
-        for number, line in enumerate(iter(lambda: stream.readline(8192), b""), start=1):
+        for line_number, line in enumerate(iter(lambda: stream.readline(8192), b""), start=1):
             match = LINE.fullmatch(line)
-            place = match[2].decode(errors="replace") if match else ""
+            path = match[2].decode(errors="replace") if match else ""
             if match is None:
                 wrong = f"{line[:100]!r} given, expected a SHA-256, two spaces, a file and the end of the line"
-            elif not {"", ".", ".."}.isdisjoint(place.split("/")):
-                wrong = f"{place[:100]!r} leads out of the folder, or is no plain path; it is not looked at"
-            elif place == SUMS or place in sums:
-                wrong = f"{place!r} is listed twice" if place in sums else f"{SUMS} lists itself"
+            elif not {"", ".", ".."}.isdisjoint(path.split("/")):
+                wrong = f"{path[:100]!r} leads out of the folder, or is no plain path; it is not looked at"
+            elif path in sums:
+                wrong = f"{path!r} is listed twice"
+            elif path == SUMS:
+                wrong = f"{SUMS} lists itself"
             else:
-                sums[place] = match[1].decode()
+                sums[path] = match[1].decode()
                 continue
-            bad += 1
-            checked.problems.append(f"{SUMS}, line {number}: {wrong}")
-            if bad > MOST_SHOWN:
+            wrong_lines += 1
+            checked.problems.append(f"{SUMS}, line {line_number}: {wrong}")
+            if wrong_lines > MOST_SHOWN:
                 checked.problems.append(f"{SUMS}: more wrong lines; it is damaged")
                 return
     if not sums:
@@ -129,27 +138,39 @@ def _read_sums(path: Path, checked: CheckedFolder) -> None:
 
 def _read_index(folder: Path, checked: CheckedFolder) -> str:
     """Read the index, and return the label of the data set."""
-    record = json.loads(_text(folder, checked, INDEX))
-    for entry in record["experiments"]:
-        for file, hashes in entry["arrays"].items():
-            for name, value in hashes.items():
-                if not re.fullmatch("[0-9a-f]{64}", value):
-                    raise ValueError(f"{file}:{name} has the hash {value!r}, expected 64 digits")
+    index = json.loads(_text(folder, checked, INDEX))
+    for listed in index["experiments"]:
+        for file, hashes in listed["arrays"].items():
+            _check_hashes(file, hashes)
+            # The object itself is there only if no experiment before had arrays of this file.
             if checked.arrays.setdefault(file, hashes) is not hashes:
                 raise ValueError(f"{file} belongs to two experiments")
-        if wrong := [key for key in ("name", "file", "part", "arm") if not isinstance(entry[key], str)]:
-            raise ValueError(f"an experiment has {wrong[0]} = {entry[wrong[0]]!r}, expected a text")
-        if not (entry["failed"] is None or isinstance(entry["failed"], str)):
-            raise ValueError(f"{entry['name']} has failed = {entry['failed']!r}, expected null or a text")
-        if entry["failed"] is None and entry["file"] not in entry["arrays"]:
-            raise ValueError(f"{entry['name']} has no array hashes of {entry['file']}")
-        checked.entries.append(dict(entry))
-    for piece in record.get("stages", ()):
+        _check_listed(listed)
+        checked.entries.append(dict(listed))
+    for piece in index.get("stages", ()):
         for file, hashes in piece["arrays"].items():
             checked.arrays.setdefault(str(file), dict(hashes))
-    if (whole := hash_of_all(entry["arrays"] for entry in record["experiments"])) != record["hash"]:
-        checked.problems.append(f"{INDEX}: its array hashes give {whole}, its hash is {record['hash']!r}")
-    return str(record["data_set"])
+    hash_of_arrays = hash_of_all(listed["arrays"] for listed in index["experiments"])
+    if hash_of_arrays != index["hash"]:
+        checked.problems.append(f"{INDEX}: its array hashes give {hash_of_arrays}, its hash is {index['hash']!r}")
+    return str(index["data_set"])
+
+
+def _check_hashes(file: str, hashes: Mapping[str, str]) -> None:
+    for name, value in hashes.items():
+        if not re.fullmatch("[0-9a-f]{64}", value):
+            raise ValueError(f"{file}:{name} has the hash {value!r}, expected 64 digits")
+
+
+def _check_listed(listed: Mapping[str, Any]) -> None:
+    """Refuse an experiment of the index whose entries have other types than those that this program writes."""
+    for key in ("name", "file", "part", "arm"):
+        if not isinstance(listed[key], str):
+            raise ValueError(f"an experiment has {key} = {listed[key]!r}, expected a text")
+    if not (listed["failed"] is None or isinstance(listed["failed"], str)):
+        raise ValueError(f"{listed['name']} has failed = {listed['failed']!r}, expected null or a text")
+    if listed["failed"] is None and listed["file"] not in listed["arrays"]:
+        raise ValueError(f"{listed['name']} has no array hashes of {listed['file']}")
 
 
 def _check_spec(folder: Path, checked: CheckedFolder, label: str) -> None:
@@ -161,7 +182,8 @@ def _check_spec(folder: Path, checked: CheckedFolder, label: str) -> None:
         spec = DataSetSpec.from_toml(_text(folder, checked, SPEC), source=SPEC)
         checked.plan = DataSetPlan(spec)
     except (ScenarioError, ValueError, OverflowError, RecursionError, MemoryError) as error:
-        checked.problems.append(str(error) if str(error).startswith(SPEC) else f"{SPEC}: {error}")
+        message = str(error)
+        checked.problems.append(message if message.startswith(SPEC) else f"{SPEC}: {message}")
         return
     if spec.label != label:
         checked.problems.append(f"{INDEX} is of {label!r}, {SPEC} of {spec.label!r}")
@@ -171,23 +193,25 @@ def _check_spec(folder: Path, checked: CheckedFolder, label: str) -> None:
         checked.problems.append(f"{INDEX}: more differences from {SPEC}")
 
 
-def _text(folder: Path, checked: CheckedFolder, place: str) -> str:
-    if place not in checked.sizes:
+def _text(folder: Path, checked: CheckedFolder, path: str) -> str:
+    """The text of the index or the spec, if it is listed and not too large."""
+    if path not in checked.sizes:
         raise ValueError("it is missing, or not listed")
-    if checked.sizes[place] > MOST_BYTES[place]:
-        raise ValueError(f"{checked.sizes[place]} bytes given, expected at most {MOST_BYTES[place]}")
+    if checked.sizes[path] > MOST_BYTES[path]:
+        raise ValueError(f"{checked.sizes[path]} bytes given, expected at most {MOST_BYTES[path]}")
     # A file that is no text raises a ValueError too.
-    return (folder / place).read_text(encoding="utf-8")
+    return (folder / path).read_text(encoding="utf-8")
 
 
-def _differences(plan: DataSetPlan, entries: list[dict[str, Any]]) -> Iterator[str]:
-    if len(plan) != len(entries):
-        yield f"{INDEX} has {len(entries)} experiments, {SPEC} asks for {len(plan)}"
+def _differences(plan: DataSetPlan, experiments: list[dict[str, Any]]) -> Iterator[str]:
+    """What the index states of experiments otherwise than the plan."""
+    if len(plan) != len(experiments):
+        yield f"{INDEX} has {len(experiments)} experiments, {SPEC} asks for {len(plan)}"
         return
     private = PRIVATE if plan.spec.withheld else ()
-    for planned, entry in zip(plan, entries, strict=True):
+    for planned, listed in zip(plan, experiments, strict=True):
         facts = {key: value for key, value in planned.facts.items() if key not in private}
         # JSON has lists in place of tuples.
         for key, value in json.loads(json.dumps(facts)).items():
-            if entry.get(key) != value:
-                yield f"{INDEX}: {entry['name']} has {key} = {entry.get(key)!r}, {SPEC} asks for {value!r}"
+            if listed.get(key) != value:
+                yield f"{INDEX}: {listed['name']} has {key} = {listed.get(key)!r}, {SPEC} asks for {value!r}"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -91,9 +92,11 @@ class Grade(NamedTuple):
     @property
     def best_baseline(self) -> tuple[str, float] | None:
         """The best identified baseline; the small-signal truth does not compete."""
-        best = max if self.scores.scoring.metric == "fit" else min
-        known = {name: value for name, value in self.baselines.items() if name != "truth"}
-        return best(known.items(), key=lambda pair: pair[1]) if known else None
+        identified = {name: value for name, value in self.baselines.items() if name != "truth"}
+        if not identified:
+            return None
+        best_of = max if self.scores.scoring.metric == "fit" else min
+        return best_of(identified.items(), key=lambda name_and_score: name_and_score[1])
 
 
 def grade_all(
@@ -115,13 +118,12 @@ def grade_all(
     persons = read_persons(withheld)
     if not submissions.is_dir():
         raise ScenarioError(f"no folder {submissions}: expected a submission, or a folder of them")
-    single = any(path.is_file() and path.suffix in (*ENDINGS, ".json") for path in submissions.iterdir())
-    visible = (path for path in submissions.iterdir() if path.is_dir() and not path.name.startswith("."))
-    folders = [submissions.resolve()] if single else sorted(visible)
+    folders = _submission_folders(submissions)
     if not folders:
         raise ScenarioError(f"{submissions} holds no submissions: expected predictions, or a folder of them per person")
     grades: dict[str, Grade | str] = {}
-    for number, folder in enumerate(folders, start=1):
+    for done, folder in enumerate(folders, start=1):
+        # One data set for all belongs to the person "".
         person = "" if "" in persons else folder.name
         try:
             if folder.is_symlink():
@@ -136,8 +138,15 @@ def grade_all(
         except LookupError as error:
             grades[folder.name] = f"a table in {withheld} is damaged: it lacks {error}"
         if progress is not None:
-            progress(number, len(folders))
+            progress(done, len(folders))
     return grades
+
+
+def _submission_folders(submissions: Path) -> list[Path]:
+    """The folder itself if it holds work, else the folders in it."""
+    if any(path.is_file() and path.suffix in (*ENDINGS, ".json") for path in submissions.iterdir()):
+        return [submissions.resolve()]
+    return sorted(path for path in submissions.iterdir() if path.is_dir() and not path.name.startswith("."))
 
 
 def _grade(submission: Path, data_set: DataSet) -> Grade:
@@ -146,18 +155,17 @@ def _grade(submission: Path, data_set: DataSet) -> Grade:
         # A link could lead to the withheld answer, reading a pipe never ends, a larger file is a mistake.
         if path.is_symlink() or not (path.is_file() or path.is_dir()) or path.stat().st_size > _most_bytes(path):
             raise ScenarioError(f"{path} is a link, a pipe or has too many bytes; expected ordinary files")
-    joints = {joint for line in data_set.index for joint in line.joints}
+    joints = set(chain.from_iterable(record.joints for record in data_set.index))
     models = _models(submission, joints)
+    # Predictions come before models, which a submission may bring for their bandwidths alone.
     if any(path.suffix in ENDINGS for path in submission.iterdir()) or not models:
         scores = score(submission, data_set)
     else:
-
-        def model_of(record: DataRecord) -> StateSpace:
-            if len(record.joints) > 1 or record.joints[0] not in models:
-                raise ScenarioError(f"{submission}: no predictions, and no model-JOINT.json for {record.name}")
-            return models[record.joints[0]]
-
-        scores = score_model(model_of, data_set)
+        scores = _score_models(submission, models, data_set)
+    baselines: dict[str, float] = {}
+    for row in read_table(data_set.folder / BASELINES):
+        if row["test"]:
+            baselines[f"{row['method']} {row['orders']}".strip()] = float(row["test"])
     # Empty where a floor was not searched: then the best attainable mean is not known.
     floors = read_table(data_set.folder / ATTAINABLE)
     return Grade(
@@ -165,21 +173,32 @@ def _grade(submission: Path, data_set: DataSet) -> Grade:
         scores,
         _mean([row["attainable"] for row in floors]),
         _mean([row.get("attainable_by_chance", "") for row in floors]),
-        {
-            f"{row['method']} {row['orders']}".strip(): float(row["test"])
-            for row in read_table(data_set.folder / BASELINES)
-            if row["test"]
-        },
+        baselines,
         tuple(_compare(model, joint, data_set) for joint, model in models.items()),
     )
 
 
+def _score_models(submission: Path, models: Mapping[str, StateSpace], data_set: DataSet) -> Scores:
+    """Score the models of a submission, each on the records of its joint."""
+
+    def model_of(record: DataRecord) -> StateSpace:
+        if len(record.joints) > 1 or record.joints[0] not in models:
+            raise ScenarioError(f"{submission}: no predictions, and no model-JOINT.json for {record.name}")
+        return models[record.joints[0]]
+
+    return score_model(model_of, data_set)
+
+
 def _most_bytes(path: Path) -> int:
+    """Largest size of a submitted file: 4 MiB of a model, 256 MiB of predictions."""
     return 2**22 if path.suffix == ".json" else 2**28
 
 
 def _mean(cells: list[str]) -> float | None:
-    return float(np.mean(list(map(float, cells)))) if cells and all(cells) else None
+    """Mean of numbers in a column of a table; None where there are none, or a cell is empty."""
+    if not cells or not all(cells):
+        return None
+    return float(np.mean(list(map(float, cells))))
 
 
 def _models(submission: Path, joints: Collection[str]) -> dict[str, StateSpace]:
@@ -202,11 +221,7 @@ def read_matrices(submission: str, joints: Collection[str]) -> dict[str, tuple[A
             raise ScenarioError(f"{path}: {unknown('joint', joint, sorted(joints))}")
         content = path.read_bytes()
         try:
-            file = read_model(path) if b'"sysid-model"' in content else from_json(SubmittedModel, content, str(path))
-            file = file.model if isinstance(file, Estimate) else file
-            if isinstance(file, Polynomials):
-                raise ScenarioError(f"{path}: polynomials without a sampling interval given, expected a model")
-            model = StateSpace(np.array(file.A), np.array(file.B), np.array(file.C), np.array(file.D), None, file.dt)
+            model = _state_space(path, content)
         except ScenarioError:
             raise
         except (ValueError, MemoryError) as error:
@@ -219,7 +234,26 @@ def read_matrices(submission: str, joints: Collection[str]) -> dict[str, tuple[A
     return models
 
 
+def _state_space(path: Path, content: bytes) -> StateSpace:
+    """The model in a file of `sysid`, or of matrices alone.
+
+    Its noise model is dropped: the data sets of classes are scored in simulation, see `check_withholdable`.
+    """
+    file: Any
+    if b'"sysid-model"' in content:
+        file = read_model(path)
+        if isinstance(file, Estimate):
+            file = file.model
+    else:
+        file = from_json(SubmittedModel, content, str(path))
+    if isinstance(file, Polynomials):
+        raise ScenarioError(f"{path}: polynomials without a sampling interval given, expected a model")
+    A, B, C, D = (np.array(matrix) for matrix in (file.A, file.B, file.C, file.D))
+    return StateSpace(A, B, C, D, None, file.dt)
+
+
 def _compare(model: StateSpace, joint: str, data_set: DataSet) -> ModelGrade:
+    """The bandwidth of a model beside that of its joint."""
     if len(data_set.arms) > 1:
         raise ScenarioError(f"{data_set.label} has {len(data_set.arms)} arms: models can be graded on one arm alone")
     truth = read_arm(data_set.folder / arm_file(data_set.arms[0])).joints

@@ -28,16 +28,21 @@ def write_index(
     digest = sha256()
     with replacing(folder / INDEX, durable=True) as partial, partial.open("w", encoding="utf-8") as stream:
         stream.write(f'{{\n "data_set": {json.dumps(label)},\n "experiments": [')
-        for number, entry in enumerate(experiments):
-            arrays = entry.get("arrays", {})
+        separator = ""
+        for finished in experiments:
+            arrays = finished.get("arrays", {})
             digest.update(array_lines(arrays))
-            facts = {**entry["about"], "arrays": arrays, "failed": entry.get("failed")}
-            facts |= {"missing": entry["missing"]} if entry.get("missing") else {}
-            stream.write(f"{',' if number else ''}\n  {json.dumps(facts, allow_nan=False)}")
+            listed = {**finished["about"], "arrays": arrays, "failed": finished.get("failed")}
+            if finished.get("missing"):
+                listed["missing"] = finished["missing"]
+            stream.write(f"{separator}\n  {json.dumps(listed, allow_nan=False)}")
+            separator = ","
         stream.write('\n ],\n "stages": [')
-        for number, entry in enumerate(stages):
-            facts = {key: entry.get(key) for key in ("stage", "piece", "arrays", "failed")}
-            stream.write(f"{',' if number else ''}\n  {json.dumps(facts, allow_nan=False)}")
+        separator = ""
+        for finished in stages:
+            listed = {key: finished.get(key) for key in ("stage", "piece", "arrays", "failed")}
+            stream.write(f"{separator}\n  {json.dumps(listed, allow_nan=False)}")
+            separator = ","
         stream.write(f'\n ],\n "hash": "{digest.hexdigest()}"\n}}\n')
 
 
@@ -55,17 +60,20 @@ def hash_of_records(experiments: Iterable[Mapping[str, Any]]) -> str:
     Records do not depend on the kernels of the linear algebra. The truth does in its last digits, and its matrices A, B
     and C in their coordinates.
     """
-    return hash_of_all({entry["file"]: entry["arrays"].get(entry["file"], {})} for entry in experiments)
+    files = ((listed["file"], listed["arrays"]) for listed in experiments)
+    return hash_of_all({file: arrays.get(file, {})} for file, arrays in files)
 
 
 def array_lines(arrays: Mapping[str, Mapping[str, str]]) -> bytes:
     """Lines of an experiment's arrays in the hash of all, by file and name; experiments in the order of the plan."""
-    lines = (f"{arrays[file][name]}  {file}:{name}\n" for file in sorted(arrays) for name in sorted(arrays[file]))
+    lines: list[str] = []
+    for file, hashes in sorted(arrays.items()):
+        lines += [f"{hashes[name]}  {file}:{name}\n" for name in sorted(hashes)]
     return "".join(lines).encode()
 
 
 def read_index(folder: Path) -> Any:
-    """The index of a data set, as `json` has it."""
+    """Read the index of a data set as plain dictionaries and lists; nothing is checked."""
     return json.loads((folder / INDEX).read_text(encoding="utf-8"))
 
 

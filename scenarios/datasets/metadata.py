@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from html import escape
 from importlib.resources import files
-from itertools import groupby
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -48,7 +48,7 @@ ENVIRONMENT = Environment(
     keep_trailing_newline=True,
 )
 ENVIRONMENT.filters["cell"] = lambda value: " ".join(str(value).split()).replace("|", "\\|") or "-"
-ENVIRONMENT.filters["digits"] = lambda text: f"{float(text):.4g}" if text else "-"
+ENVIRONMENT.filters["digits"] = lambda number: f"{float(number):.4g}" if number else "-"
 ENVIRONMENT.filters["short"] = lambda value: f"{value:.6g}"
 ENVIRONMENT.filters["json"] = lambda value: json.dumps(value, ensure_ascii=False)
 ENVIRONMENT.filters["fields"] = vars
@@ -68,52 +68,88 @@ def metadata_files(folder: Path, spec: DataSetSpec, index: Mapping[str, Any]) ->
     Returns:
         Contents by path in the folder. They depend on what is in the folder alone, never on when they are written.
     """
-    plan = DataSetPlan(spec)
-    rows = _experiment_rows(folder, plan, index["experiments"])
-    there = [path for path in paths_of_files(folder) if (folder / path).is_file() and not path.startswith(JOURNAL)]
-    paths = [path for path in there if path not in {SUMS, *METADATA}]
-    build = json.loads((folder / BUILD).read_text(encoding="utf-8"))
-    # A person is written "Family, Given"; anything else is a group.
-    names = [(name, *name.partition(", ")[::2]) for name in spec.creators]
-    context: dict[str, Any] = {
-        "spec": spec,
-        "whole": hash_of_records(index["experiments"]),
-        "recorded": [row for row in rows if row["status"] == "ok"],
-        "failed": [row for row in rows if row["status"] != "ok"],
-        "arms": list({entry["arm"]: entry for entry in index["experiments"]}.values()),
-        "late": _late(spec),
-        "channels": _channels(folder / next(entry["file"] for entry in index["experiments"] if not entry["failed"])),
-        "truths": _truths(folder, paths),
-        "versions": {**build["versions"], "source": build["source"]},
-        "attainable": read_table(folder / ATTAINABLE),
-        "baselines": read_table(folder / BASELINES),
-        "license": LICENSE,
-        "license_url": LICENSE_URL,
-        "license_text": files("scenarios").joinpath("data", "licenses", "CC-BY-4.0.txt").read_text(encoding="utf-8"),
-        "authors": [{"family-names": one, "given-names": own} if own else {"name": name} for name, one, own in names],
-    }
-
-    context["bibtex"] = bibtex(spec, context["whole"])
+    paths = _data_paths(folder)
+    context = _context(folder, spec, index, paths)
 
     def render(template: str) -> str:
         return ENVIRONMENT.get_template(template).render(context)
 
+    rows = context["rows"]
     texts = {
         "experiments.csv": table_text(rows[0], rows),
         "README.md": render("datasheet.md.j2"),
         "LICENSE": render("LICENSE.j2"),
         "CITATION.cff": render("CITATION.cff.j2"),
     }
-    # Files of one kind in one folder become a set where all together are too many to list.
-    counts = Counter(map(_pattern, paths if len(paths) > MOST_LISTED else ()))
-    context["sets"] = [pattern for pattern, count in counts.items() if count > FEW]
-    of_texts = [(path, len(text.encode()), bytes_hash(text.encode())) for path, text in texts.items()]
-    listed = [path for path in paths if _pattern(path) not in context["sets"]]
-    of_files = [(path, (folder / path).stat().st_size, file_hash(folder / path)) for path in listed]
-    context["objects"] = [*of_texts[:1], *of_files, *of_texts[1:]]
-    entry = json.loads(render("croissant.json.j2"))
-    texts["croissant.json"] = json.dumps(entry, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    # The catalogue entry describes the other metadata too, so it comes last.
+    context |= _catalogued_files(folder, paths, texts)
+    catalogue_entry = json.loads(render("croissant.json.j2"))
+    texts["croissant.json"] = json.dumps(catalogue_entry, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
     return {path: text.encode() for path, text in texts.items()}
+
+
+def _data_paths(folder: Path) -> list[str]:
+    """Paths of the files that the metadata describe, without the metadata themselves."""
+    paths = []
+    for path in paths_of_files(folder):
+        # SQLite keeps files of its own beside the journal.
+        if path not in {SUMS, *METADATA} and not path.startswith(JOURNAL) and (folder / path).is_file():
+            paths.append(path)
+    return paths
+
+
+def _context(folder: Path, spec: DataSetSpec, index: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
+    """What the templates of the metadata are rendered from."""
+    experiments = index["experiments"]
+    rows = _experiment_rows(folder, DataSetPlan(spec), experiments)
+    first_file = next(listed["file"] for listed in experiments if not listed["failed"])
+    records_hash = hash_of_records(experiments)
+    build = json.loads((folder / BUILD).read_text(encoding="utf-8"))
+    license_text = files("scenarios").joinpath("data", "licenses", "CC-BY-4.0.txt").read_text(encoding="utf-8")
+    return {
+        "spec": spec,
+        "whole": records_hash,
+        "rows": rows,
+        "recorded": [row for row in rows if row["status"] == "ok"],
+        "failed": [row for row in rows if row["status"] != "ok"],
+        # The last experiment on each arm, in the order of their first.
+        "arms": list({listed["arm"]: listed for listed in experiments}.values()),
+        "late": _late(spec),
+        "channels": _channels(folder / first_file),
+        "truths": _truths(folder, paths),
+        "versions": {**build["versions"], "source": build["source"]},
+        "attainable": read_table(folder / ATTAINABLE),
+        "baselines": read_table(folder / BASELINES),
+        "license": LICENSE,
+        "license_url": LICENSE_URL,
+        "license_text": license_text,
+        "authors": [_author(name) for name in spec.creators],
+        "bibtex": bibtex(spec, records_hash),
+    }
+
+
+def _author(name: str) -> dict[str, str]:
+    """An author of the citation file: a person is written "Family, Given"; anything else is a group."""
+    family_names, _, given_names = name.partition(", ")
+    if given_names:
+        return {"family-names": family_names, "given-names": given_names}
+    return {"name": name}
+
+
+def _catalogued_files(folder: Path, paths: Sequence[str], texts: Mapping[str, str]) -> dict[str, Any]:
+    """Files of the catalogue entry with their sizes and hashes, and patterns of those that it has as sets."""
+    # Files of one kind in one folder become a set where all together are too many to list.
+    counts = Counter(map(_pattern, paths)) if len(paths) > MOST_LISTED else Counter[str]()
+    patterns = [pattern for pattern, count in counts.items() if count > FEW]
+    of_texts = []
+    for path, text in texts.items():
+        content = text.encode()
+        of_texts.append((path, len(content), bytes_hash(content)))
+    of_files = []
+    for path in paths:
+        if _pattern(path) not in patterns:
+            of_files.append((path, (folder / path).stat().st_size, file_hash(folder / path)))
+    return {"sets": patterns, "objects": [*of_texts[:1], *of_files, *of_texts[1:]]}
 
 
 def bibtex(spec: DataSetSpec, whole: str) -> str:
@@ -121,34 +157,40 @@ def bibtex(spec: DataSetSpec, whole: str) -> str:
     return ENVIRONMENT.get_template("citation.bib.j2").render(spec=spec, whole=whole)
 
 
-def _experiment_rows(folder: Path, plan: DataSetPlan, entries: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _experiment_rows(folder: Path, plan: DataSetPlan, experiments: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Rows of the table of experiments, in the order of the plan; no cell is empty."""
     rows = []
-    for number, entry in enumerate(entries):
-        path = folder / entry["file"]
-        recorded, experiment, duration = not entry["failed"], plan[number].experiment, plan.duration(number)
-        only = ("status",)
-        status = read_netcdf(path, only=only).variables["status"].values if recorded else np.zeros(0, np.int64)
-        clipped = (status & Status.CONVERTER_SATURATED) != 0
-        # The excitation computer clips before the flags are set. Waveforms with withheld seeds cannot be recomputed.
-        if isinstance(experiment, Scenario) and not plan.spec.withheld:
-            for one in experiment.excitation:
-                clipped = clipped | BOARD.exceeds_range(one.requested_volts(duration)[: len(clipped), 0])
-        rows.append(
-            {
-                **{key: entry[key] for key in ("name", "part", "block", "arm")},
-                "joints": " ".join(entry["joints"]),
-                "samples": round(SAMPLE_RATE * duration) if recorded else 0,
-                "duration": duration if recorded else 0.0,
-                "file": entry["file"],
-                "bytes": path.stat().st_size if recorded else 0,
-                "sha256": file_hash(path) if recorded else "-",
-                "velocity_limited": np.count_nonzero(status & Status.VELOCITY_LIMITED),
-                "clipped": np.count_nonzero(clipped),
-                "status": entry["failed"] or "ok",
-            }
-        )
+    for index, listed in enumerate(experiments):
+        row = {key: listed[key] for key in ("name", "part", "block", "arm")} | {"joints": " ".join(listed["joints"])}
+        if listed["failed"]:
+            row |= {"samples": 0, "duration": 0.0, "file": listed["file"], "bytes": 0, "sha256": "-"}
+            row |= {"velocity_limited": 0, "clipped": 0, "status": listed["failed"]}
+        else:
+            row |= _record_cells(folder, plan, index, listed["file"])
+        rows.append(row)
     return rows
+
+
+def _record_cells(folder: Path, plan: DataSetPlan, index: int, file: str) -> dict[str, Any]:
+    """The cells of an experiment's row that describe its record."""
+    path, experiment, duration = folder / file, plan[index].experiment, plan.duration(index)
+    status = read_netcdf(path, only=("status",)).variables["status"].values
+    clipped = (status & Status.CONVERTER_SATURATED) != 0
+    # The excitation computer clips before the flags are set. Waveforms with withheld seeds cannot be recomputed.
+    if isinstance(experiment, Scenario) and not plan.spec.withheld:
+        for signal in experiment.excitation:
+            volts = signal.requested_volts(duration)[: len(clipped), 0]
+            clipped = clipped | BOARD.exceeds_range(volts)
+    return {
+        "samples": round(SAMPLE_RATE * duration),
+        "duration": duration,
+        "file": file,
+        "bytes": path.stat().st_size,
+        "sha256": file_hash(path),
+        "velocity_limited": np.count_nonzero(status & Status.VELOCITY_LIMITED),
+        "clipped": np.count_nonzero(clipped),
+        "status": "ok",
+    }
 
 
 def _pattern(path: str) -> str:
@@ -159,7 +201,8 @@ def _pattern(path: str) -> str:
 
 def _late(spec: DataSetSpec) -> list[tuple[str, int]]:
     """Joints whose angle reaches the record late on an arm of the data set, with the delay in samples."""
-    buses = [variant_named(name).bus for name in {name for block in spec.records for name in block.variants}]
+    variants = set(chain.from_iterable(block.variants for block in spec.records))
+    buses = [variant_named(variant).bus for variant in variants]
     delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
     return [(joint, delay) for joint, delay in delays.items() if delay]
 
@@ -175,16 +218,23 @@ def _channels(path: Path) -> list[dict[str, str]]:
 
 
 def _of_any_joint(name: str) -> str:
-    return next((name.replace(joint, "JOINT", 1) for joint in JOINTS if name.startswith(f"{joint}_")), name)
+    """The name with JOINT in the place of the joint that it begins with."""
+    for joint in JOINTS:
+        if name.startswith(f"{joint}_"):
+            return name.replace(joint, "JOINT", 1)
+    return name
 
 
 def _truths(folder: Path, paths: Sequence[str]) -> list[tuple[str, int, list[dict[str, str]]]]:
     """Folders of the truth: name, number of files, and the channels of the first file if it is one of arrays."""
+    paths_of_name: dict[str, list[str]] = {}
+    for path in paths:
+        if path.startswith(f"{TRUTH}/"):
+            paths_of_name.setdefault(path.split("/")[1], []).append(path)
     truths = []
-    for name, group in groupby(
-        (path for path in paths if path.startswith(f"{TRUTH}/")), lambda path: path.split("/")[1]
-    ):
-        first, *others = group
-        place = f"{TRUTH}/{name}" + ("/" if first.count("/") > 1 else "")
-        truths.append((place, 1 + len(others), _channels(folder / first) if first.endswith(".nc") else []))
+    for name, group in paths_of_name.items():
+        # Tables lie beside the folders.
+        ending = "/" if group[0].count("/") > 1 else ""
+        channels = _channels(folder / group[0]) if group[0].endswith(".nc") else []
+        truths.append((f"{TRUTH}/{name}{ending}", len(group), channels))
     return truths

@@ -16,13 +16,15 @@ MOST_PARTS = 300
 def opened_data_set(path: Path, part: str) -> Opened:
     """Summarise the folder of a data set and, if one is named, one of its experiments."""
     data = open_data_set(path)
-    names = [one.name for one in data.index if one.failed is None]
-    counts = ", ".join(f"{len(data.records(aim))} to {aim}" for aim in PARTS)
+    names = [record.name for record in data.index if record.failed is None]
+    counts = ", ".join(f"{len(data.records(purpose))} to {purpose}" for purpose in PARTS)
     code = f"from scenarios.datasets import open_data_set\n\ndata = open_data_set({str(path)!r})"
+    if part:
+        code += f"\nrecord = data.record({part!r})"
     opened = Opened(
         "data set",
         str(path),
-        Recipe([("hmtb", "dataset", "check", str(path))], code + f"\nrecord = data.record({part!r})" * bool(part)),
+        Recipe([("hmtb", "dataset", "check", str(path))], code),
         (),
         [f"{data.label}: {len(names)} records, {counts}; hash {data.hash}"],
         part,
@@ -37,13 +39,14 @@ def opened_data_set(path: Path, part: str) -> Opened:
         f"{part}: {record.part}, block {record.block}, {record.arm}, {', '.join(record.joints)}, {len(record)} samples"
     )
     log, origin = experiment_log(data, part)
-    own = opened if log is None else open_log(log)
+    # Without a log there is nothing to replay: the data set is shown, with the reason.
+    log_or_data_set = opened if log is None else open_log(log)
     return replace(
-        own,
+        log_or_data_set,
         kind=opened.kind,
         place=str(path),
         recipe=opened.recipe,
         part=part,
         parts=opened.parts,
-        lines=[about, origin, *own.lines],
+        lines=[about, origin, *log_or_data_set.lines],
     )

@@ -1,10 +1,10 @@
 """The experiments of a data set, each made on demand from the spec: a plan of any size needs little memory."""
 
 from collections import Counter
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from itertools import product
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +15,7 @@ from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAM
 from scenarios.datasets.spec import DataSetSpec
 from scenarios.datasets.spec_tables import PAYLOAD, RecordBlock
 from scenarios.experiments.excitation_computer import Excitation
-from scenarios.experiments.multisines import MultisineExperiment, multisine_experiments
+from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.experiments.registry import load, names, tags
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
@@ -72,12 +72,18 @@ class PlannedExperiment(ListedExperiment):
     @property
     def facts(self) -> dict[str, Any]:
         """Entry of the experiment in the index, without its hashes."""
-        plant = ("actuator", "friction", "process_noise")
+        experiment, plant = self.experiment, self.experiment.plant
+        listed = {attribute.name: getattr(self, attribute.name) for attribute in fields(ListedExperiment)}
         return {
-            **{entry.name: getattr(self, entry.name) for entry in fields(ListedExperiment)},
+            **listed,
             "file": self.data,
-            **{key: getattr(self.experiment, key) for key in ("seed", "variant", "payload", "pose")},
-            **{key: getattr(self.experiment.plant, key) for key in plant},
+            "seed": experiment.seed,
+            "variant": experiment.variant,
+            "payload": experiment.payload,
+            "pose": experiment.pose,
+            "actuator": plant.actuator,
+            "friction": plant.friction,
+            "process_noise": plant.process_noise,
         }
 
     @property
@@ -120,6 +126,25 @@ class _Template(NamedTuple):
     joints: tuple[str, ...]
 
 
+class _Conditions(NamedTuple):
+    """What makes an arm and its surroundings; a block lists values of each, and runs on every combination."""
+
+    variant: str
+    payload: str
+    pose: str
+    actuator: str
+    friction: str
+    process_noise: float
+
+
+class _Measurement(NamedTuple):
+    """An experiment on the nominal arm, with the key of its measurement, which all records of it share."""
+
+    name: str
+    key: str
+    experiment: Scenario | MultisineExperiment
+
+
 class DataSetPlan:
     """The experiments of a spec in order: all of one twin, then all of the next.
 
@@ -131,30 +156,17 @@ class DataSetPlan:
     def __init__(self, spec: DataSetSpec) -> None:
         self.spec = spec
         self.twins = spec.twins.count if spec.twins else 1
-        self._templates = tuple(entry for block in spec.records for entry in _templates(block))
-        twice = [name for name, count in Counter(entry.name for entry in self._templates).items() if count > 1]
-        if twice:
+        self._templates = tuple(chain.from_iterable(map(_templates, spec.records)))
+        counts = Counter(template.name for template in self._templates)
+        repeated = [name for name, count in counts.items() if count > 1]
+        if repeated:
             raise ScenarioError(
-                f"data set {spec.name!r}: two experiments are called {', '.join(twice[:3])}; "
+                f"data set {spec.name!r}: two experiments are called {', '.join(repeated[:3])}; "
                 "name the blocks differently"
             )
-        arms: dict[Hashable, int] = {}
-        self._arms: list[int] = []  # number of the arm of each template
         for template in self._templates:
-            one, samples = template.experiment, round(template.experiment.duration * SAMPLE_RATE)
-            if samples < 1 or abs(samples - one.duration * SAMPLE_RATE) > 1e-9 * samples:
-                raise ScenarioError(
-                    f"{template.name}: duration {one.duration:g} s given, expected a positive multiple of "
-                    f"{SAMPLE_TIME:g} s"
-                )
-            if one.payload_changes:
-                raise ScenarioError(f"{template.name}: payload_changes given, expected none: a record has one truth")
-            if template.block.part != "train" and samples - spec.window < 10:
-                raise ScenarioError(
-                    f"{template.name} has {samples} samples, its window {spec.window}: expected 10 or more behind it "
-                    "to score"
-                )
-            self._arms.append(arms.setdefault((one.variant, one.payload, one.pose, one.plant), len(arms)))
+            _check_template(template, spec.window)
+        self._arms = _arm_numbers(self._templates)
 
     def __len__(self) -> int:
         return len(self._templates) * self.twins
@@ -162,17 +174,20 @@ class DataSetPlan:
     def __getitem__(self, index: int) -> PlannedExperiment:
         if not 0 <= index < len(self):
             raise IndexError(f"experiment {index} of {len(self)}")
-        twin, number = divmod(index, len(self._templates))
-        template, drawn = self._templates[number], self.spec.twins is not None
-        mark = f"twin-{twin:0{len(str(self.twins - 1))}d}-" if drawn else ""
+        round_number, template_number = divmod(index, len(self._templates))
+        template = self._templates[template_number]
+        twin = round_number if self.spec.twins is not None else None
+        # As many digits as the last twin needs, so that files sort by twin.
+        twin_mark = "" if twin is None else f"twin-{twin:0{len(str(self.twins - 1))}d}-"
+        name = f"{twin_mark}{template.name}"
         return PlannedExperiment(
-            name=f"{mark}{template.name}",
+            name=name,
             part=template.block.part,
             block=template.block.name,
-            arm=f"{mark}arm-{self._arms[number]}",
-            twin=twin if drawn else None,
+            arm=f"{twin_mark}arm-{self._arms[template_number]}",
+            twin=twin,
             joints=template.joints,
-            experiment=self._experiment(template, f"{mark}{template.name}", twin if drawn else None),
+            experiment=self._experiment(template, name, twin),
         )
 
     def __iter__(self) -> Iterator[PlannedExperiment]:
@@ -189,109 +204,189 @@ class DataSetPlan:
 
     def brings_arm(self, index: int) -> bool:
         """Return whether the truth of the arm is computed with this experiment: the first one on the arm."""
-        number = index % len(self._templates)
-        return self._arms.index(self._arms[number]) == number
+        template_number = index % len(self._templates)
+        return self._arms.index(self._arms[template_number]) == template_number
 
     @property
     def seconds(self) -> float:
         """Length of all records together, s."""
-        return self.twins * sum(entry.experiment.duration for entry in self._templates)
+        return self.twins * sum(template.experiment.duration for template in self._templates)
 
     def _experiment(self, template: _Template, name: str, twin: int | None) -> Experiment:
+        """The experiment of a template with its twin, its seed and its random waveforms."""
         if self.spec.withheld:
             # Its seed is withheld: nothing random is known of it.
             return replace(template.experiment, name=name)
-        key = template.key if twin is None else f"{template.key} | twin {twin}"
-        one = template.experiment
-        # The records of one multisine measurement share their waveforms' seed, not their noise.
-        own = f"{key} | {one.realisation} {one.record}" if isinstance(one, MultisineExperiment) else key
-        # Seeds of 62 bits, so that no two are equal among millions.
-        (_, waveform), (noise, _) = (
-            np.random.SeedSequence([self.spec.seed, *text.encode()]).generate_state(2, np.uint64) >> 2
-            for text in (key, own)
-        )
-        waveform = int(waveform)
-        one = replace(one, name=name, seed=int(noise))
+        experiment = template.experiment
+        measurement_key = template.key if twin is None else f"{template.key} | twin {twin}"
+        record_key = measurement_key
+        if isinstance(experiment, MultisineExperiment):
+            # The records of one multisine measurement share their waveforms' seed, not their noise.
+            record_key = f"{measurement_key} | {experiment.realisation} {experiment.record}"
+        noise_seed, _ = self._seeds_of(record_key)
+        _, waveform_seed = self._seeds_of(measurement_key)
+        experiment = replace(experiment, name=name, seed=noise_seed)
         if self.spec.twins is not None and twin is not None:
-            specimen, of_plant = _arm_of_twin(self.spec.twins.distributions, self.spec.seed, twin)
-            one = replace(one, specimen=specimen, plant=replace(one.plant, **of_plant))  # type: ignore[arg-type]
-        if not template.block.draw_waveforms:
-            return one
-        if isinstance(one, MultisineExperiment):
-            return replace(one, multisines=replace(one.multisines, seed=waveform))
-        seeded = [
-            _with_parameter(entry, "seed", waveform + axis) if "seed" in entry.parameters else entry
-            for axis, entry in enumerate(one.excitation)
-        ]
-        return replace(one, excitation=tuple(seeded))
+            specimen, plant_changes = _drawn_arm(self.spec.twins.distributions, self.spec.seed, twin)
+            plant = replace(experiment.plant, **plant_changes)  # type: ignore[arg-type]
+            experiment = replace(experiment, specimen=specimen, plant=plant)
+        if template.block.draw_waveforms:
+            return _with_waveform_seed(experiment, waveform_seed)
+        return experiment
+
+    def _seeds_of(self, key: str) -> tuple[int, int]:
+        """Seeds of the noise and of the waveforms that follow from the seed of the spec and a key.
+
+        They have 62 bits, so that no two are equal among millions, and the axes can be counted on from them within the
+        63 bits that TOML and NetCDF hold.
+        """
+        sequence = np.random.SeedSequence([self.spec.seed, *key.encode()])
+        noise_seed, waveform_seed = sequence.generate_state(2, np.uint64) >> 2
+        return int(noise_seed), int(waveform_seed)
+
+
+def _check_template(template: _Template, window: int) -> None:
+    """Refuse an experiment that makes no record, a record of two arms, or one that cannot be scored."""
+    duration = template.experiment.duration
+    samples = round(duration * SAMPLE_RATE)
+    # Binary fractions: 0.14 s times 50 Hz is not 7 to the last digit.
+    if samples < 1 or abs(samples - duration * SAMPLE_RATE) > 1e-9 * samples:
+        raise ScenarioError(
+            f"{template.name}: duration {duration:g} s given, expected a positive multiple of {SAMPLE_TIME:g} s"
+        )
+    if template.experiment.payload_changes:
+        raise ScenarioError(f"{template.name}: payload_changes given, expected none: a record has one truth")
+    if template.block.part != "train" and samples - window < 10:
+        raise ScenarioError(
+            f"{template.name} has {samples} samples, its window {window}: expected 10 or more behind it to score"
+        )
+
+
+def _arm_numbers(templates: Iterable[_Template]) -> list[int]:
+    """Number the arms under their conditions in the order in which the templates first use them; one per template."""
+    number_of_arm: dict[Hashable, int] = {}
+    arm_numbers = []
+    for template in templates:
+        experiment = template.experiment
+        arm = (experiment.variant, experiment.payload, experiment.pose, experiment.plant)
+        arm_numbers.append(number_of_arm.setdefault(arm, len(number_of_arm)))
+    return arm_numbers
+
+
+def _with_waveform_seed(experiment: Scenario | MultisineExperiment, seed: int) -> Scenario | MultisineExperiment:
+    """The experiment with random waveforms drawn from a seed, those of the axes from consecutive ones."""
+    if isinstance(experiment, MultisineExperiment):
+        return replace(experiment, multisines=replace(experiment.multisines, seed=seed))
+    seeded = []
+    for axis, excitation in enumerate(experiment.excitation):
+        if "seed" in excitation.parameters:
+            seeded.append(_with_parameter(excitation, "seed", seed + axis))
+        else:
+            seeded.append(excitation)
+    return replace(experiment, excitation=tuple(seeded))
 
 
 @lru_cache(maxsize=1)
-def _arm_of_twin(distributions: TwinDistributions, seed: int, twin: int) -> tuple[Specimen, Mapping[str, float]]:
+def _drawn_arm(distributions: TwinDistributions, seed: int, twin: int) -> tuple[Specimen, Mapping[str, float]]:
     """Specimen and plant of a twin, kept for the next experiment, which is mostly on the same twin."""
     return draw_specimen(distributions, np.random.SeedSequence([seed, twin]))
 
 
 def _templates(block: RecordBlock) -> Iterator[_Template]:
-    """The experiments of a block: what is played, on every combination of its conditions, repeated."""
-    # Whatever makes an arm and its surroundings, in the order of their product.
-    lists = (
-        *(block.variants, block.payloads, block.poses),
-        *(block.actuators, block.frictions, block.process_noises),
-    )
-    for (name, key, experiment), values, repeat in product(_played(block), product(*lists), range(block.repeats)):
-        variant, payload, pose, actuator, friction, noise = values
-        words = (variant, payload, pose, actuator, friction, f"noise{noise:g}")
-        marks = [word for word, known in zip(words, lists, strict=True) if len(known) > 1]
-        if block.repeats > 1:
-            marks.append(f"r{repeat + 1:0{len(str(block.repeats))}d}")
-        # Registered scenarios have a payload and a pose of their own, unless the block names others.
-        own = bool(block.scenarios)
+    """The experiments of a block: each measurement on every combination of the conditions, repeated."""
+    # In the order of `_Conditions`.
+    arms = (block.variants, block.payloads, block.poses)
+    choices = (*arms, block.actuators, block.frictions, block.process_noises)
+    combinations = map(_Conditions._make, product(*choices))
+    for measurement, conditions, repeat in product(_measurements(block), combinations, range(block.repeats)):
+        experiment = measurement.experiment
+        joints = block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS
         yield _Template(
-            name="-".join((name, *marks)),
-            key=" | ".join((block.name, key, *map(str, values), f"repeat {repeat}")),
+            name="-".join((measurement.name, *_condition_marks(block, choices, conditions, repeat))),
+            key=" | ".join((block.name, measurement.key, *map(str, conditions), f"repeat {repeat}")),
             block=block,
-            experiment=replace(
-                experiment,
-                variant=variant,
-                payload=experiment.payload if own and block.payloads == (PAYLOAD,) else payload,
-                pose=experiment.pose if own and block.poses == (OPERATING_POSE,) else pose,
-                plant=Plant(actuator=actuator, friction=friction, process_noise=noise),
-            ),
-            joints=block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS,
+            experiment=_under_conditions(block, experiment, conditions),
+            joints=joints,
         )
 
 
-def _played(block: RecordBlock) -> Iterator[tuple[str, str, Scenario | MultisineExperiment]]:
-    """Experiments on the nominal arm, each with its name and the key of its measurement, shared by its records."""
+def _condition_marks(
+    block: RecordBlock, choices: Iterable[tuple[Any, ...]], conditions: _Conditions, repeat: int
+) -> list[str]:
+    """Words that distinguish an experiment from others of its block: only of conditions that differ in it."""
+    words = (*conditions[:-1], f"noise{conditions.process_noise:g}")
+    marks = [word for word, values in zip(words, choices, strict=True) if len(values) > 1]
+    if block.repeats > 1:
+        marks.append(f"r{repeat + 1:0{len(str(block.repeats))}d}")
+    return marks
+
+
+def _under_conditions(
+    block: RecordBlock, experiment: Scenario | MultisineExperiment, conditions: _Conditions
+) -> Scenario | MultisineExperiment:
+    """The experiment on the arm and in the surroundings of its conditions."""
+    payload, pose = conditions.payload, conditions.pose
     if block.scenarios:
-        for scenario in (load(one) for name in block.scenarios for one in (names(name) if name in tags() else (name,))):
-            duration = scenario.duration if block.duration is None else block.duration
-            for mark, volts, excitation in _amplified(block, scenario.excitation):
-                played = replace(scenario, duration=duration, excitation=excitation)
-                yield f"{scenario.name}{mark}", f"{scenario.name} {volts}", played
+        # Registered scenarios have a payload and a pose of their own, unless the block names others.
+        if block.payloads == (PAYLOAD,):
+            payload = experiment.payload
+        if block.poses == (OPERATING_POSE,):
+            pose = experiment.pose
+    plant = Plant(actuator=conditions.actuator, friction=conditions.friction, process_noise=conditions.process_noise)
+    return replace(experiment, variant=conditions.variant, payload=payload, pose=pose, plant=plant)
+
+
+def _measurements(block: RecordBlock) -> Iterator[_Measurement]:
+    """What a block plays, on the nominal arm."""
+    if block.scenarios:
+        yield from _registered_measurements(block)
         return
-    for axes in [(axis,) for axis in block.axes] if block.each_axis else [block.axes]:
-        name, joined = f"{block.name}-{axes[0]}" if block.each_axis else block.name, " ".join(axes)
+    # Multisines have neither an excitation nor a duration of the block: theirs take the place of these.
+    excitation_or_any = block.excitation or (Excitation("white_noise"),)
+    duration_or_any = 1.0 if block.duration is None else block.duration
+    axes_played_together = [(axis,) for axis in block.axes] if block.each_axis else [block.axes]
+    for axes in axes_played_together:
+        name = f"{block.name}-{axes[0]}" if block.each_axis else block.name
         setting = Scenario(
             name=block.name,
             axes=axes,
-            excitation=block.excitation or (Excitation("white_noise"),),
-            duration=1.0 if block.duration is None else block.duration,
+            excitation=excitation_or_any,
+            duration=duration_or_any,
             mode=block.mode,
             independent_channels=True,
             chain=block.chain,
             hand_controller=block.hand_controller,
         )
-        if block.multisines is None:
-            for mark, volts, excitation in _amplified(block, block.excitation):
-                yield f"{name}{mark}", f"{joined} {volts}", replace(setting, excitation=excitation)
+        if block.multisines is not None:
+            yield from _multisine_measurements(block, block.multisines, name, setting)
             continue
-        for amplitude in block.amplitudes or (block.multisines.rms,):
-            mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
-            experiments = multisine_experiments(setting, replace(block.multisines, rms=amplitude))
-            for number, experiment in enumerate(experiments, start=1):
-                yield f"{name}{mark}-{number:02d}", f"{joined} {amplitude!r}", experiment
+        for mark, volts, excitation in _amplified(block, block.excitation):
+            experiment = replace(setting, excitation=excitation)
+            yield _Measurement(f"{name}{mark}", f"{' '.join(axes)} {volts}", experiment)
+
+
+def _registered_measurements(block: RecordBlock) -> Iterator[_Measurement]:
+    """Registered scenarios of a block, each at every amplitude."""
+    for name_or_tag in block.scenarios:
+        scenario_names = names(name_or_tag) if name_or_tag in tags() else (name_or_tag,)
+        for name in scenario_names:
+            scenario = load(name)
+            duration = scenario.duration if block.duration is None else block.duration
+            for mark, volts, excitation in _amplified(block, scenario.excitation):
+                experiment = replace(scenario, duration=duration, excitation=excitation)
+                yield _Measurement(f"{scenario.name}{mark}", f"{scenario.name} {volts}", experiment)
+
+
+def _multisine_measurements(
+    block: RecordBlock, multisines: Multisines, name: str, setting: Scenario
+) -> Iterator[_Measurement]:
+    """Records of the multisine measurement on the axes of a setting, at every amplitude of a block."""
+    for amplitude in block.amplitudes or (multisines.rms,):
+        mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
+        key = f"{' '.join(setting.axes)} {amplitude!r}"
+        experiments = multisine_experiments(setting, replace(multisines, rms=amplitude))
+        for number, experiment in enumerate(experiments, start=1):
+            yield _Measurement(f"{name}{mark}-{number:02d}", key, experiment)
 
 
 def _amplified(
@@ -300,13 +395,13 @@ def _amplified(
     """The excitation at every amplitude of a block, with the mark of its name and the volts of its key."""
     for amplitude in block.amplitudes or (None,):
         mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
-        entries = excitation
+        amplified = excitation
         if amplitude is not None:
-            entries = tuple(_with_parameter(one, "amplitude", amplitude) for one in excitation)
-        yield mark, " ".join(repr(one.parameters.get("amplitude")) for one in entries), entries
+            amplified = tuple(_with_parameter(signal, "amplitude", amplitude) for signal in excitation)
+        yield mark, " ".join(repr(signal.parameters.get("amplitude")) for signal in amplified), amplified
 
 
-def _with_parameter(entry: Excitation, name: str, value: float) -> Excitation:
-    if name not in entry.parameters:
-        raise ScenarioError(f"excitation {entry.kind!r} has no {name}; given amplitudes for it")
-    return replace(entry, parameters={**entry.parameters, name: value})
+def _with_parameter(excitation: Excitation, name: str, value: float) -> Excitation:
+    if name not in excitation.parameters:
+        raise ScenarioError(f"excitation {excitation.kind!r} has no {name}; given amplitudes for it")
+    return replace(excitation, parameters={**excitation.parameters, name: value})

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hmtb_twin.files.netcdf import Attribute, Contents, read_netcdf
+from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.datasets.variables import GIVEN, WINDOW
 
@@ -20,13 +20,17 @@ def file_problems(path: Path, hashes: Mapping[str, str], changed: bool, record: 
         changed: Whether the hash of the whole file differs.
         record: Further arguments of `record_problems`; None for other files.
     """
-    contents, problems = read_netcdf(path), list[str]()
-    if differ := contents.differing(hashes):
-        several = len(differ) > 1
-        problems.append(f"array{'s' * several} {', '.join(differ)} differ{'' if several else 's'} from the index")
+    contents = read_netcdf(path)
+    problems: list[str] = []
+    if differing := contents.differing(hashes):
+        several = len(differing) > 1
+        noun, verb = ("arrays", "differ") if several else ("array", "differs")
+        problems.append(f"{noun} {', '.join(differing)} {verb} from the index")
     elif changed:
         problems.append("its arrays are those of the index: the file was written anew, or only its description changed")
-    return problems if record is None else [*problems, *record_problems(contents, *record)]
+    if record is None:
+        return problems
+    return [*problems, *record_problems(contents, *record)]
 
 
 def record_problems(
@@ -44,10 +48,29 @@ def record_problems(
     Yields:
         One line for each problem.
     """
-    variables, stated = contents.variables, _plain(contents.attributes)
+    stated = _plain(contents.attributes)
     for key, value in attributes.items():
         if value is not None and stated.get(key) != value:
             yield f"attribute {key} is {stated.get(key)!r}, expected {value!r}"
+    yield from _time_problems(contents.variables, samples)
+    for name, role in (("u", "input"), ("y", "output")):
+        dim = WINDOW if withheld is not None and name == "y" else "sample"
+        expected = {"dims": [dim, role], "dtype": "float64", "units": "rad", "role": role, "names": joints}
+        facts = _facts_of_channels(contents.variables, name, role)
+        if wrong := [key for key in expected if facts.get(key) != expected[key]]:
+            yield f"{name} has the {wrong[0]} {facts.get(wrong[0], 'none')}, expected {expected[wrong[0]]}"
+    for name, variable in contents.variables.items():
+        if withheld is not None:
+            yield from _withholding_problems(name, variable, withheld)
+        facts = _plain(variable.attributes)
+        if facts.get("role") == "truth":
+            yield f"{name} is truth, which belongs into files of its own"
+        if variable.values.dtype.kind != "U" and not facts.get("units"):
+            yield f"{name} has no unit"
+
+
+def _time_problems(variables: Mapping[str, Variable], samples: int | None) -> Iterator[str]:
+    """What is wrong with the numbers and times of the samples, and with how many there are."""
     sample = variables["sample"].values if "sample" in variables else np.zeros(0)
     if sample.dtype != np.int64 or not np.array_equal(sample, np.arange(sample.size)):
         yield "sample does not count 0, 1, 2, ... in whole numbers"
@@ -55,28 +78,30 @@ def record_problems(
         yield f"t is not the time of each sample, sample / {SAMPLE_RATE} s"
     if samples is not None and sample.shape != (samples,):
         yield f"sample has shape {list(sample.shape)}, expected {samples} samples"
-    for name, role in (("u", "input"), ("y", "output")):
-        along = WINDOW if withheld is not None and name == "y" else "sample"
-        wanted = {"dims": [along, role], "dtype": "float64", "units": "rad", "role": role, "names": joints}
-        facts: dict[str, Any] = {}
-        if name in variables:
-            one = variables[name]
-            facts = {**_plain(one.attributes), "dims": list(one.dims), "dtype": str(one.values.dtype)}
-        if role in variables:
-            facts["names"] = variables[role].values.ravel()[:100].tolist()  # a hostile file may have any number
-        if wrong := [key for key in wanted if facts.get(key) != wanted[key]]:
-            yield f"{name} has the {wrong[0]} {facts.get(wrong[0], 'none')}, expected {wanted[wrong[0]]}"
-    for name, one in variables.items():
-        facts = _plain(one.attributes)
-        if withheld is not None and "sample" in one.dims and name not in GIVEN:
-            yield f"{name} is given for all samples, and should be withheld behind the window"
-        if withheld is not None and WINDOW in one.dims and len(one.values) != withheld:
-            yield f"{name} has {len(one.values)} samples of the window, expected {withheld}"
-        if facts.get("role") == "truth":
-            yield f"{name} is truth, which belongs into files of its own"
-        if one.values.dtype.kind != "U" and not facts.get("units"):
-            yield f"{name} has no unit"
+
+
+def _facts_of_channels(variables: Mapping[str, Variable], name: str, role: str) -> dict[str, Any]:
+    """Attributes, dimensions, type and names of the channels of `u` or `y`, as far as they are there."""
+    facts: dict[str, Any] = {}
+    if name in variables:
+        variable = variables[name]
+        facts = {**_plain(variable.attributes), "dims": list(variable.dims), "dtype": str(variable.values.dtype)}
+    if role in variables:
+        facts["names"] = variables[role].values.ravel()[:100].tolist()  # a hostile file may have any number
+    return facts
+
+
+def _withholding_problems(name: str, variable: Variable, window: int) -> Iterator[str]:
+    """What a variable reveals of outputs that are withheld behind the window."""
+    if "sample" in variable.dims and name not in GIVEN:
+        yield f"{name} is given for all samples, and should be withheld behind the window"
+    if WINDOW in variable.dims and len(variable.values) != window:
+        yield f"{name} has {len(variable.values)} samples of the window, expected {window}"
 
 
 def _plain(attributes: Mapping[str, Attribute]) -> dict[str, Any]:
-    return {key: one.tolist() if isinstance(one, np.ndarray) else one for key, one in attributes.items()}
+    """Attributes without arrays, which compare element by element."""
+    plain: dict[str, Any] = {}
+    for name, value in attributes.items():
+        plain[name] = value.tolist() if isinstance(value, np.ndarray) else value
+    return plain

@@ -23,7 +23,10 @@ ENDINGS = (".nc", ".csv", ".mat")
 EXPECTED = "a folder, or files EXPERIMENT.csv, .nc or .mat, one for each record of the test part"
 
 MOST_DIGITS = 64
-"""Bytes of a number and its separator in a CSV file of predictions, at most."""
+"""Bytes of a number and its separator in a CSV file of predictions, at most; a float64 in full takes 25."""
+
+MOST_NAMED = 5
+"""Records without predictions that an error names."""
 
 Model = Predictor | StateSpace | Estimate | Polynomials
 """Submissions that can be scored besides predictions."""
@@ -57,8 +60,10 @@ class Scores:
     @property
     def by_joint(self) -> Mapping[str, float]:
         """Mean score of each output over the records that have it."""
-        joints = dict.fromkeys(score.joint for score in self.scores)
-        return {joint: float(np.mean([s.value for s in self.scores if s.joint == joint])) for joint in joints}
+        values: dict[str, list[float]] = {}
+        for output in self.scores:
+            values.setdefault(output.joint, []).append(output.value)
+        return {joint: float(np.mean(scores)) for joint, scores in values.items()}
 
     @property
     def unit(self) -> str:
@@ -86,25 +91,20 @@ def score(
     """
     opened = data_set if isinstance(data_set, DataSet) else open_data_set(data_set)
     records = {record.name: record for record in opened.test}
-    sources: dict[str, Path | np.ndarray] = {}
-    if isinstance(predictions, Mapping):
-        sources |= predictions
-    else:
-        for path in _files(Path(predictions) if isinstance(predictions, str) else predictions):
-            if path.stem in sources:
-                raise ScenarioError(f"{path.stem} has two files of predictions: {sources[path.stem]} and {path}")
-            sources[path.stem] = path
+    sources: Mapping[str, Path | np.ndarray]
+    sources = predictions if isinstance(predictions, Mapping) else _files_by_experiment(predictions)
     for name, source in sources.items():
         if name not in records:
-            what = source if isinstance(source, Path) else opened.label
-            raise ScenarioError(f"{what}: no test record: {unknown('experiment', name, records)}")
+            origin = source if isinstance(source, Path) else opened.label
+            raise ScenarioError(f"{origin}: no test record: {unknown('experiment', name, records)}")
     if missing := [name for name in records if name not in sources]:
-        more = " and others" if len(missing) > 5 else ""
+        and_others = " and others" if len(missing) > MOST_NAMED else ""
         raise ScenarioError(
-            f"{opened.label}: no predictions of {', '.join(missing[:5])}{more}: {len(sources)} of {len(records)} "
-            f"given; expected {EXPECTED}"
+            f"{opened.label}: no predictions of {', '.join(missing[:MOST_NAMED])}{and_others}: {len(sources)} of "
+            f"{len(records)} given; expected {EXPECTED}"
         )
-    outputs = {name: _fitting(record, sources[name]) for name, record in records.items()}
+    # All are read before any is scored: no score of a submission that is damaged.
+    outputs = {name: _predicted_outputs(record, sources[name]) for name, record in records.items()}
     return score_outputs(opened.spec.scoring, records.values(), lambda record: outputs[record.name])
 
 
@@ -122,18 +122,25 @@ def score_model(model: Model | Callable[[DataRecord], Model], data_set: DataSet 
     opened = data_set if isinstance(data_set, DataSet) else open_data_set(data_set)
 
     def outputs(record: DataRecord) -> np.ndarray:
-        known = isinstance(model, StateSpace | Estimate | Polynomials) or hasattr(model, "predicted")
-        one: Any = model if known or not callable(model) else model(record)
-        if isinstance(one, Polynomials):
-            one = innovations_form(one, record.sampling_time)
-        if not isinstance(one, StateSpace | Estimate) and not hasattr(one, "predicted"):
-            raise ScenarioError(
-                f"a model of type {type(one).__name__} given, expected a StateSpace, Polynomials, an estimate of "
-                "sysid, or a function that returns one of these for each record; outputs are scored by score()"
-            )
-        return as_predictor(one).predicted(record.iodata(), opened.spec.scoring.steps)
+        predictor = as_predictor(_model_of(model, record))
+        return predictor.predicted(record.iodata(), opened.spec.scoring.steps)
 
     return score_outputs(opened.spec.scoring, opened.test, outputs)
+
+
+def _model_of(model: Model | Callable[[DataRecord], Model], record: DataRecord) -> StateSpace | Estimate | Predictor:
+    """The model to score on a record; polynomials at the sampling time of the record."""
+    # Predictors may be callable too, and are models nevertheless.
+    is_model = isinstance(model, StateSpace | Estimate | Polynomials) or hasattr(model, "predicted")
+    chosen: Any = model if is_model or not callable(model) else model(record)
+    if isinstance(chosen, Polynomials):
+        return innovations_form(chosen, record.sampling_time)
+    if not isinstance(chosen, StateSpace | Estimate) and not hasattr(chosen, "predicted"):
+        raise ScenarioError(
+            f"a model of type {type(chosen).__name__} given, expected a StateSpace, Polynomials, an estimate of "
+            "sysid, or a function that returns one of these for each record; outputs are scored by score()"
+        )
+    return chosen
 
 
 def score_outputs(
@@ -158,7 +165,8 @@ def score_outputs(
             )
         data, predicted = record.iodata(), outputs(record)
         values = metric(scoring, data.y[data.window :], predicted[data.window :])
-        scores += [Score(record.name, joint, float(value)) for joint, value in zip(record.joints, values, strict=True)]
+        for joint, value in zip(record.joints, values, strict=True):
+            scores.append(Score(record.name, joint, float(value)))
     if not scores:
         raise ScenarioError("no records to score on")
     return Scores(scoring, tuple(scores))
@@ -177,6 +185,7 @@ def metric(scoring: Scoring, measured: np.ndarray, predicted: np.ndarray) -> np.
     """
     if not np.isfinite(measured).all():
         raise ScenarioError("measured outputs are missing: there is no score of such a record")
+    # A model that diverges overflows; its infinite error is its score.
     with np.errstate(over="ignore", invalid="ignore"):
         error = np.abs(measured - predicted)
         rmse = np.where(np.isfinite(error).all(axis=0), np.sqrt(np.mean(error**2, axis=0)), np.inf)
@@ -193,23 +202,28 @@ def in_metric(scoring: Scoring, rmse: np.ndarray, spread: np.ndarray) -> np.ndar
     return relative if scoring.metric == "nrmse" else 100.0 - relative
 
 
-def _fitting(record: DataRecord, given: Path | np.ndarray) -> np.ndarray:
+def _predicted_outputs(record: DataRecord, source: Path | np.ndarray) -> np.ndarray:
     """Predicted outputs as (N, ny), from a file where that is given; refused where they do not fit the record."""
-    source = given if isinstance(given, Path) else record.name
     shape = (len(record), len(record.joints))
-    if isinstance(given, Path):
-        most = MOST_DIGITS * (len(record) + 2) * (len(record.joints) + 1)
-        if given.suffix == ".csv" and given.stat().st_size > most:
-            raise ScenarioError(f"{given} has {given.stat().st_size} bytes, expected at most {most} for its record")
-        table = _read(given, record.joints, shape)
+    if isinstance(source, Path):
+        origin = str(source)
+        # Two rows and a column to spare, for the header and an index; a larger file would fill the memory.
+        most_bytes = MOST_DIGITS * (len(record) + 2) * (len(record.joints) + 1)
+        if source.suffix == ".csv" and source.stat().st_size > most_bytes:
+            raise ScenarioError(
+                f"{source} has {source.stat().st_size} bytes, expected at most {most_bytes} for its record"
+            )
+        table = _read(source, record.joints, shape)
     else:
-        table = _shaped(np.asarray(given), record.joints, shape, source)
+        origin = record.name
+        table = _shaped(np.asarray(source), record.joints, shape, origin)
     window = record.state_initialization_window_length or 0
-    wrong = np.argwhere(~np.isfinite(table[window:]))
-    if len(wrong):
+    not_finite = np.argwhere(~np.isfinite(table[window:]))
+    if len(not_finite):
+        first_sample, first_output = not_finite[0]
         raise ScenarioError(
-            f"{source}: {len(wrong)} numbers behind the window are not finite, the first at sample "
-            f"{window + wrong[0][0]} of {record.joints[wrong[0][1]]}"
+            f"{origin}: {len(not_finite)} numbers behind the window are not finite, the first at sample "
+            f"{window + first_sample} of {record.joints[first_output]}"
         )
     return table
 
@@ -228,10 +242,25 @@ def _shaped(values: np.ndarray, outputs: tuple[str, ...], shape: tuple[int, int]
     return table.astype(float)
 
 
-def _files(paths: Path | Sequence[Path]) -> Iterator[Path]:
-    for path in (paths,) if isinstance(paths, Path) else paths:
+def _files_by_experiment(paths: Path | str | Sequence[Path]) -> dict[str, Path]:
+    """Files of predictions by the experiment that they are named after."""
+    if isinstance(paths, str):
+        paths = Path(paths)
+    if isinstance(paths, Path):
+        paths = (paths,)
+    files: dict[str, Path] = {}
+    for path in _files(paths):
+        if path.stem in files:
+            raise ScenarioError(f"{path.stem} has two files of predictions: {files[path.stem]} and {path}")
+        files[path.stem] = path
+    return files
+
+
+def _files(paths: Iterable[Path]) -> Iterator[Path]:
+    """Files of predictions among paths and in folders."""
+    for path in paths:
         if path.is_dir():
-            yield from sorted(entry for entry in path.iterdir() if entry.suffix in ENDINGS and entry.is_file())
+            yield from sorted(file for file in path.iterdir() if file.suffix in ENDINGS and file.is_file())
         elif not path.exists():
             raise ScenarioError(f"no predictions at {path}: expected {EXPECTED}")
         elif path.suffix not in ENDINGS or not path.is_file():
@@ -241,7 +270,7 @@ def _files(paths: Path | Sequence[Path]) -> Iterator[Path]:
 
 
 def _read(path: Path, outputs: tuple[str, ...], shape: tuple[int, int]) -> np.ndarray:
-    """Predicted outputs in a file."""
+    """Predicted outputs in a file of one of `ENDINGS`; matrices of MATLAB have no names of outputs."""
     names = outputs
     if path.suffix == ".csv":
         names, values = _read_csv(path)
@@ -277,16 +306,18 @@ def _is_number(word: str) -> bool:
 
 
 def _read_csv(path: Path) -> tuple[tuple[str, ...], np.ndarray]:
-    head, *rows = read_rows(path, "predictions") or [[]]
-    values = np.full((len(rows), len(head)), np.nan)
-    for number, row in enumerate(rows):
+    """Names of the outputs, from the first row, and their values, from the others."""
+    header, *rows = read_rows(path, "predictions") or [[]]
+    values = np.full((len(rows), len(header)), np.nan)
+    for index, row in enumerate(rows):
         try:
             # Python reads 1_0 as 10; in a table of numbers it is a slip.
-            numbers = [float(word.replace("_", "x")) for word in row]
+            row_values = [float(word.replace("_", "x")) for word in row]
         except ValueError:
-            numbers = []
-        if len(numbers) != len(head):
-            given = ",".join(row)[:60]
-            raise ScenarioError(f"{path}, row {number + 2}: {given!r} given, expected {len(head)} numbers")
-        values[number] = numbers
-    return tuple(word.strip() for word in head), values
+            row_values = []
+        if len(row_values) != len(header):
+            cells = ",".join(row)[:60]
+            # Rows are counted from 1, the header included.
+            raise ScenarioError(f"{path}, row {index + 2}: {cells!r} given, expected {len(header)} numbers")
+        values[index] = row_values
+    return tuple(name.strip() for name in header), values

@@ -69,6 +69,11 @@ class DataSetSpec:
         check_ranges(f"data set {self.name!r}", self, {"version": (1, 10**6), "window": (0, 10**9)})
 
     def _problems(self) -> Iterator[str]:
+        yield from self._description_problems()
+        yield from self._record_problems()
+
+    def _description_problems(self) -> Iterator[str]:
+        """Yield what is wrong in the texts about the data set, which go into catalogues, folders and citations."""
         if not NAME.fullmatch(self.name):
             yield (
                 "expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name, the first a letter or digit, "
@@ -76,34 +81,31 @@ class DataSetSpec:
             )
         if not self.title.strip():
             yield "expected a title, given none"
-        # Control characters would do harm in metadata, tables and terminals.
-        texts = {"title": (self.title,), "description": self.description.split("\n")}
-        texts |= {"creators": self.creators, "keywords": self.keywords}
-        for key, line in ((key, line) for key, lines in texts.items() for line in lines):
-            if any(category(one)[0] == "C" or category(one) in ("Zl", "Zp") for one in line):
+        lines_of_key = {"title": (self.title,), "description": self.description.split("\n")}
+        lines_of_key |= {"creators": self.creators, "keywords": self.keywords}
+        for key, lines in lines_of_key.items():
+            for line in filter(_has_control_character, lines):
                 yield f"{key} = {ascii(line)[:80]} given, expected no control characters"
         if self.channels not in ("all", "studied"):
             yield unknown("channels", self.channels, ("all", "studied"))
-        try:
-            whole = not self.date or datetime.date.fromisoformat(self.date).isoformat() == self.date
-        except ValueError:
-            whole = False
-        if not whole:
+        if self.date and not _is_day(self.date):
             yield f"date = {self.date!r} given, expected a day as YYYY-MM-DD"
         if self.url and not re.fullmatch(r"https?://[^\s<>\"]+", self.url):
             yield f"url = {self.url!r} given, expected one of http:// or https://"
         if not self.creators or not all(name.strip() for name in self.creators):
             yield f"creators = {self.creators} given, expected names to cite"
+
+    def _record_problems(self) -> Iterator[str]:
+        """Yield what is wrong with the blocks of records taken together."""
         names = Counter(block.name for block in self.records)
         repeated = sorted(name for name, count in names.items() if count > 1)
         if repeated:
             yield f"records {', '.join(repeated)} given twice, expected each name once"
-        yield from (
-            f"truth.best_linear: {unknown('block', name, names)}"
-            for name in self.truth.best_linear
-            if name not in names
-        )
-        absent = [part for part in ("train", "test") if part not in {block.part for block in self.records}]
+        for name in self.truth.best_linear:
+            if name not in names:
+                yield f"truth.best_linear: {unknown('block', name, names)}"
+        parts_with_records = {block.part for block in self.records}
+        absent = [part for part in ("train", "test") if part not in parts_with_records]
         if absent:
             yield f"no records for {' and '.join(absent)}; expected blocks [[records]] for train and test"
 
@@ -124,7 +126,10 @@ class DataSetSpec:
             ScenarioError: The text is not TOML, or a key, a type, a name or a value is wrong.
         """
         table = read_toml(text, source)
-        for block in table["records"] if isinstance(table.get("records"), list) else ():
+        blocks = table.get("records")
+        if not isinstance(blocks, list):
+            blocks = []  # `codec` refuses it below
+        for block in blocks:
             if isinstance(block, dict) and isinstance(block.get("excitation"), dict):
                 block["excitation"] = [block["excitation"]]  # one excitation for all axes may be a plain table
         try:
@@ -133,13 +138,31 @@ class DataSetSpec:
             raise ScenarioError(f"{source}: {error}") from error
 
 
+def _has_control_character(line: str) -> bool:
+    """Whether a line would do harm in metadata, tables and terminals: line and paragraph separators too."""
+    categories = {category(character) for character in line}
+    return any(name[0] == "C" or name in ("Zl", "Zp") for name in categories)
+
+
+def _is_day(date: str) -> bool:
+    """Whether a text is a day as YYYY-MM-DD."""
+    try:
+        # Python also reads 20260102 and 2026-W01-5.
+        return datetime.date.fromisoformat(date).isoformat() == date
+    except ValueError:
+        return False
+
+
 @cache
 def shipped() -> Mapping[str, DataSetSpec]:
     """Return the specs that come with the package, by label."""
-    entries = sorted(files("scenarios").joinpath("data", "datasets").iterdir(), key=lambda path: path.name)
-    texts = {entry.name: entry.read_text(encoding="utf-8") for entry in entries if entry.name.endswith(".toml")}
-    specs = (DataSetSpec.from_toml(text, source=name) for name, text in texts.items())
-    return {spec.label: spec for spec in specs}
+    paths = sorted(files("scenarios").joinpath("data", "datasets").iterdir(), key=lambda path: path.name)
+    specs: dict[str, DataSetSpec] = {}
+    for path in paths:
+        if path.name.endswith(".toml"):
+            spec = DataSetSpec.from_toml(path.read_text(encoding="utf-8"), source=path.name)
+            specs[spec.label] = spec
+    return specs
 
 
 def load_spec(name: str | Path) -> DataSetSpec:
@@ -151,12 +174,12 @@ def load_spec(name: str | Path) -> DataSetSpec:
     Raises:
         ScenarioError: There is neither, or the file holds no spec.
     """
-    text = str(name)
-    if text in shipped():
-        return shipped()[text]
+    label_or_path = str(name)
+    if label_or_path in shipped():
+        return shipped()[label_or_path]
     path = Path(name)
     if not path.is_file():
         if path.suffix == ".toml":
-            raise ScenarioError(f"no file {text}: expected a spec, TOML; or one of {', '.join(shipped())}")
-        raise ScenarioError(unknown("data set", text, shipped(), listing="hmtb dataset list"))
-    return DataSetSpec.from_toml(read_text(path, "spec"), source=text)
+            raise ScenarioError(f"no file {label_or_path}: expected a spec, TOML; or one of {', '.join(shipped())}")
+        raise ScenarioError(unknown("data set", label_or_path, shipped(), listing="hmtb dataset list"))
+    return DataSetSpec.from_toml(read_text(path, "spec"), source=label_or_path)

@@ -28,15 +28,16 @@ USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "oe:3/3"
 
 
 def check_ranges(table: str, record: object, ranges: Mapping[str, tuple[int, int]]) -> None:
-    """Refuse numbers of a table of a spec that are out of range; those above are a slip of the keyboard.
+    """Refuse numbers of a table of a spec that are out of range; above it they are slips of the keyboard.
 
     Raises:
         ScenarioError: A number below its least or above its largest value.
     """
-    for name, (least, most) in ranges.items():
-        if not least <= getattr(record, name) <= most:
-            value = str(getattr(record, name))[:20]
-            raise ScenarioError(f"{table}: {name} = {value} given, expected {least} to {most}")
+    for name, (lower, upper) in ranges.items():
+        value = getattr(record, name)
+        if not lower <= value <= upper:
+            # Cut, because a slip may have thousands of digits.
+            raise ScenarioError(f"{table}: {name} = {str(value)[:20]} given, expected {lower} to {upper}")
 
 
 @dataclass(frozen=True)
@@ -57,29 +58,33 @@ class Method:
                 raise ScenarioError(f"method {self.name} given orders {self.orders}, expected none")
             return
         if self.name in NONLINEAR:
-            object.__setattr__(self, "orders", tuple(NONLINEAR[self.name].checked(self.name, self.orders).values()))
-            return
-        if self.name not in ESTIMATORS:
+            orders = NONLINEAR[self.name].checked(self.name, self.orders)
+        elif self.name in ESTIMATORS:
+            orders = ESTIMATORS[self.name].complete(self.name, self.orders)
+        else:
             raise ScenarioError(unknown("method", self.name, (*TRIVIAL, *ESTIMATORS, *NONLINEAR)))
-        complete = ESTIMATORS[self.name].complete(self.name, self.orders)
-        object.__setattr__(self, "orders", tuple(complete.values()))
+        # The dataclass is frozen; the same method with its defaults written out must be equal to it.
+        object.__setattr__(self, "orders", tuple(orders.values()))
 
     @classmethod
-    def parsed(cls, text: str) -> "Method":
+    def parsed(cls, method: str) -> "Method":
         """Read a method as specs write it, ``"oe:2/2/1"``.
 
         Raises:
             ScenarioError: Unknown method, or other orders than it takes.
         """
-        name, colon, rest = text.partition(":")
-        words = rest.split("/") if colon else []
+        name, colon, orders = method.partition(":")
+        words = orders.split("/") if colon else []
+        # `isdigit` alone lets other scripts' digits pass, and no order has five.
         if not all(word.isascii() and word.isdigit() and len(word) < 5 for word in words):
-            raise ScenarioError(f"baseline {text!r}: expected a method with its orders, as in oe:2/2/1")
+            raise ScenarioError(f"baseline {method!r}: expected a method with its orders, as in oe:2/2/1")
         return cls(name, tuple(int(word) for word in words))
 
     def __str__(self) -> str:
-        """As it is written in a spec."""
-        return self.name + (":" + "/".join(map(str, self.orders)) if self.orders else "")
+        """The method as specs write it."""
+        if not self.orders:
+            return self.name
+        return f"{self.name}:{'/'.join(map(str, self.orders))}"
 
 
 @dataclass(frozen=True)
@@ -104,7 +109,7 @@ class BaselineSpec:
     @property
     def methods(self) -> tuple[Method, ...]:
         """The models as methods."""
-        return tuple(Method.parsed(text) for text in self.models)
+        return tuple(Method.parsed(model) for model in self.models)
 
 
 @dataclass(frozen=True)
@@ -170,7 +175,7 @@ class Twins:
         return cls(codec.structure(int, table["count"], "twins.count"), distributions)
 
 
-codec.register(Twins, Twins.from_table, lambda one: {"count": one.count, **codec.unstructure(one.distributions)})
+codec.register(Twins, Twins.from_table, lambda twins: {"count": twins.count, **codec.unstructure(twins.distributions)})
 
 METRICS = ("rmse", "nrmse", "fit")
 """Root mean square error; that over the spread of the output in percent; 100 (1 - |error| / |y - mean y|) percent."""
@@ -196,7 +201,8 @@ class Scoring:
     def __post_init__(self) -> None:
         if self.metric not in METRICS:
             raise ScenarioError(f"scoring: {unknown('metric', self.metric, METRICS)}")
-        object.__setattr__(self, "unit", self.unit or ("mrad" if self.metric == "rmse" else "%"))
+        usual_unit = "mrad" if self.metric == "rmse" else "%"
+        object.__setattr__(self, "unit", self.unit or usual_unit)
         if self.metric != "rmse" and self.unit != "%":
             raise ScenarioError(f"scoring: unit = {self.unit!r} given for {self.metric}, which is in %")
         if self.metric == "rmse" and self.unit not in UNITS:
@@ -278,25 +284,37 @@ class RecordBlock:
         check_ranges(f"records {self.name!r}", self, {"repeats": (1, 10_000)})
 
     def _problems(self) -> Iterator[str]:
+        """Yield what is wrong in single settings, then what contradicts what."""
+        yield from self._name_problems()
+        yield from self._list_problems()
+        yield from self._waveform_problems()
+
+    def _name_problems(self) -> Iterator[str]:
         if not NAME.fullmatch(self.name):
             yield "expected 1 to 100 letters, digits, '.', '_', '-' or '+' as a name"
         if self.part not in PARTS:
             yield unknown("part", self.part, PARTS)
         if self.mode not in MODES:
             yield unknown("mode", self.mode, MODES)
-        for key, known in CHOICES.items():
-            yield from (unknown(key, value, known) for value in getattr(self, key) if value not in known)
-        for entry in fields(self):
-            values = getattr(self, entry.name)
-            several = isinstance(values, tuple) and entry.name not in ("excitation", "axes")
-            if several and len(set(values)) < len(values):
-                yield f"{entry.name} = {values} given, expected each once"
+        for key, choices in CHOICES.items():
+            yield from (unknown(key, value, choices) for value in getattr(self, key) if value not in choices)
+
+    def _list_problems(self) -> Iterator[str]:
+        """Yield the lists that name a value twice, which would make two experiments of one name, and empty ones."""
+        for attribute in fields(self):
+            values = getattr(self, attribute.name)
+            # Two axes may be excited alike; the scenario refuses axes given twice.
+            is_list_of_choices = isinstance(values, tuple) and attribute.name not in ("excitation", "axes")
+            if is_list_of_choices and len(set(values)) < len(values):
+                yield f"{attribute.name} = {values} given, expected each once"
         empty = [key for key in (*CHOICES, "process_noises") if key != "joints" and not getattr(self, key)]
         if empty:
             yield f"an empty list given for {', '.join(empty)}"
-        played = [bool(self.scenarios), bool(self.excitation), self.multisines is not None]
-        if sum(played) != 1:
-            yield f"expected one of scenarios, excitation and multisines, given {sum(played)}"
+
+    def _waveform_problems(self) -> Iterator[str]:
+        ways_to_excite = [bool(self.scenarios), bool(self.excitation), self.multisines is not None]
+        if sum(ways_to_excite) != 1:
+            yield f"expected one of scenarios, excitation and multisines, given {sum(ways_to_excite)}"
         if self.scenarios and (self.axes or self.each_axis):
             yield "axes given beside scenarios, which have their own"
         if not self.scenarios and not self.axes:
@@ -311,5 +329,7 @@ class RecordBlock:
         table = codec.unstructure(replace(self, chain=Chain(), hand_controller=HAND_CONTROLLER))
         table["chain"] = codec.changes(self.chain, Chain())
         table["hand_controller"] = codec.changes(self.hand_controller, HAND_CONTROLLER)
-        table["excitation"] = table.pop("excitation")  # tables stand behind values in TOML
-        return {key: value for key, value in table.items() if value != {} and (key != "excitation" or value)}
+        excitation = table.pop("excitation")
+        if excitation:
+            table["excitation"] = excitation  # last, because tables stand behind values in TOML
+        return {key: value for key, value in table.items() if value != {}}

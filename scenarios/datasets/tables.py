@@ -31,24 +31,25 @@ def read_table(path: Path) -> list[dict[str, str]]:
     """
     if not path.is_file():
         return []
-    head, *rows = read_rows(path, "table") or [[]]
-    if any(len(row) != len(head) for row in rows):
+    columns, *rows = read_rows(path, "table") or [[]]
+    if any(len(row) != len(columns) for row in rows):
         raise ScenarioError(f"{path} is damaged: a row has more or fewer columns than the first")
-    return [dict(zip(head, row, strict=True)) for row in rows]
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def read_rows(path: Path, what: str) -> list[list[str]]:
-    """Read the cells of a CSV file, without empty lines; `ScenarioError` names what cannot be read."""
+def read_rows(path: Path, purpose: str) -> list[list[str]]:
+    """Read the cells of a CSV file, without empty lines; `ScenarioError` names the file by its purpose."""
     try:
+        # Spreadsheets write a byte-order mark before UTF-8.
         with path.open(newline="", encoding="utf-8-sig") as stream:
             return [row for row in csv.reader(stream) if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise ScenarioError(f"cannot read the {what} {path}: {error}") from error
+        raise ScenarioError(f"cannot read the {purpose} {path}: {error}") from error
 
 
-def read_text(path: Path, what: str) -> str:
-    """Read a text in UTF-8; `ScenarioError` names what cannot be read."""
+def read_text(path: Path, purpose: str) -> str:
+    """Read a text in UTF-8; `ScenarioError` names the file by its purpose."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"cannot read the {what} {str(path)!r}: {error}") from error
+        raise ScenarioError(f"cannot read the {purpose} {str(path)!r}: {error}") from error

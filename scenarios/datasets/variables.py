@@ -16,20 +16,25 @@ WINDOW = "window_sample"
 """Dimension of what is published for the initialisation window alone."""
 
 
-def described(kind: str, values: Mapping[str, object], prefix: str = "") -> dict[str, Variable]:
-    """Return the variables of a file by name.
+def netcdf_variables(file_kind: str, values: Mapping[str, object], prefix: str = "") -> dict[str, Variable]:
+    """Return values as variables of a NetCDF file, with the dimensions and attributes of the table of variables.
 
     Args:
-        kind: Kind of the file: `data`, `signals`, `arm` or `best_linear`.
+        file_kind: Kind of the file: `data`, `signals`, `arm` or `best_linear`.
         values: Their values by name.
         prefix: Begin of the names of variables and of their dimensions but `part`.
     """
     variables = {}
     for name, value in values.items():
-        attributes = dict(_table()[kind][name])
-        dims = [dim if dim == "part" else prefix + dim for dim in attributes.pop("along")]
-        variables[prefix + name] = Variable(tuple(dims), np.asarray(value), attributes)
+        attributes = dict(_table()[file_kind][name])
+        dims = tuple(_with_prefix(dim, prefix) for dim in attributes.pop("along"))
+        variables[f"{prefix}{name}"] = Variable(dims, np.asarray(value), attributes)
     return variables
+
+
+def _with_prefix(dim: str, prefix: str) -> str:
+    # Real and imaginary part are those of every joint: the dimension is there once, without prefix.
+    return dim if dim == "part" else f"{prefix}{dim}"
 
 
 @cache
@@ -37,6 +42,16 @@ def _table() -> dict[str, Any]:
     return package_table("data_set_variables.toml")
 
 
+PROVENANCE = "provenance_"
+"""Begin of the names of attributes that state the provenance of a file."""
+
+
+def provenance_attributes(provenance: Mapping[str, str]) -> dict[str, str]:
+    """Return a provenance as attributes of a file."""
+    return {f"{PROVENANCE}{key}": value for key, value in provenance.items()}
+
+
 def provenance_of(attributes: Mapping[str, Attribute]) -> dict[str, str]:
     """Return the provenance that the attributes of a file state."""
-    return {key[11:]: str(value) for key, value in attributes.items() if key.startswith("provenance_")}
+    stated = {name: value for name, value in attributes.items() if name.startswith(PROVENANCE)}
+    return {name.removeprefix(PROVENANCE): str(value) for name, value in stated.items()}
