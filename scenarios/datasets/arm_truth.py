@@ -183,6 +183,7 @@ def read_arm(path: Path) -> StoredArm:
     values = {name: variable.values for name, variable in contents.variables.items()}
     if attributes.get("format") != FORMAT:
         raise ScenarioError(f"{path} is not the truth of an arm: expected the format {FORMAT!r}")
+    # So it is written where the arm cannot be linearised.
     if "A" not in values:
         raise ScenarioError(f"{path}: the arm has no linear truth: {attributes['reason']}")
     try:

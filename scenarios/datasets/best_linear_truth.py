@@ -182,6 +182,7 @@ def matching_multisines(
     Raises:
         ScenarioError: Several joints excited otherwise than by multisines.
     """
+    # A seed of its own, so that none of its phases is that of a record of the data set.
     seed = int(np.random.SeedSequence([spec.seed, *f"best linear {planned.name}".encode()]).generate_state(1)[0])
     experiment = planned.experiment
     if isinstance(experiment, MultisineExperiment):

@@ -163,6 +163,7 @@ def _build_folder(
         # Checksums of an earlier end are wrong while files still change.
         (folder / SUMS).unlink(missing_ok=True)
         write_index(folder, label, _experiments(journal))
+        # The stages open the data set by this index; their own entries follow below.
         keys: list[str] = []
         for stage in STAGES:
             keys += _run_stage(stage, plan, folder, journal, report)

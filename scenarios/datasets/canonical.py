@@ -55,6 +55,7 @@ def load_dataset(
     folder = cache_folder() if cache is None else Path(cache)
     if not (folder / name).exists():
         return build(shipped()[name], folder, workers=workers, progress=progress)
+    # Against its own hashes alone: a simulation takes longer, and may round otherwise on another processor.
     problems = examine(folder / name, regenerate=0, workers=workers, progress=progress).problems
     if problems:
         and_more = f"; and {len(problems) - SHOWN} more" if len(problems) > SHOWN else ""
@@ -73,6 +74,7 @@ def canonical() -> Mapping[str, Canonical]:
 
 def canonical_verdict(data_set: DataSet) -> tuple[bool, str]:
     """Return whether the records have the canonical hash of this release, and a line that says so."""
+    # Twelve digits tell the hashes of all releases apart, and a reader can compare them.
     records = f"{data_set.label}: records {data_set.records_hash[:12]}"
     release = canonical().get(data_set.label)
     if release is None:

@@ -393,6 +393,7 @@ def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Sig
     """Read inputs and outputs of a record, and compare their hashes with those of the index."""
     contents = read_netcdf(path, only=("u", "y"))
     try:
+        # Before the hashes, which differ too where two files were exchanged, but say less.
         if contents.attributes["experiment"] != experiment:
             raise ScenarioError(
                 f"{path} is of experiment {contents.attributes['experiment']!r}, expected {experiment!r}"
@@ -408,6 +409,7 @@ def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Sig
         for values in (u, y):
             if values.ndim != 2 or values.dtype != np.float64:
                 raise ScenarioError(f"{path}: {values.shape}, {values.dtype} given as u or y, expected (N, n), float64")
+            # All users of the record share them.
             values.setflags(write=False)
         return Signals(u, y, sampling_time(contents), window)
     except KeyError as error:

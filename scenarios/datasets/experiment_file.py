@@ -55,6 +55,7 @@ def data_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog) 
             "component": XYZ,
             "joint_commanded": log.commanded[:, unstudied],
             "joint_measured": log.measured[:, unstudied],
+            # The wrist sensor has its forces first.
             "force": log.wrench[:, :3],
             "torque": log.wrench[:, 3:],
         }
@@ -84,6 +85,7 @@ def signal_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog
     sample = np.arange(len(log), dtype=np.int64)
     labels = {"sample": sample, "joint": joints, "output": planned.joints, "axis": log.axes}
     signals = {
+        # As late as the record shows it, so that y minus this is the noise alone.
         "y_noise_free": delayed(log.true_angles[:, output_columns], delays),
         "measurement_delay": delays,
         "true_angles": log.true_angles[:, joint_columns],

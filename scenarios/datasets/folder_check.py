@@ -60,6 +60,7 @@ def check_folder(folder: Path) -> CheckedFolder:
     checked = list_files(folder)
     try:
         label = _read_index(folder, checked)
+    # `json` follows nested lists by recursion.
     except (ValueError, RecursionError) as error:
         checked.problems.append(f"{INDEX}: {error}")
     except (LookupError, TypeError, AttributeError) as error:
@@ -67,6 +68,7 @@ def check_folder(folder: Path) -> CheckedFolder:
     else:
         _check_spec(folder, checked, label)
         return checked
+    # Half an index must not pass for a whole one.
     checked.entries, checked.arrays = [], {}
     return checked
 
@@ -181,12 +183,14 @@ def _check_spec(folder: Path, checked: CheckedFolder, label: str) -> None:
     try:
         spec = DataSetSpec.from_toml(_text(folder, checked, SPEC), source=SPEC)
         checked.plan = DataSetPlan(spec)
+    # A downloaded spec may ask for any number of anything.
     except (ScenarioError, ValueError, OverflowError, RecursionError, MemoryError) as error:
         message = str(error)
         checked.problems.append(message if message.startswith(SPEC) else f"{SPEC}: {message}")
         return
     if spec.label != label:
         checked.problems.append(f"{INDEX} is of {label!r}, {SPEC} of {spec.label!r}")
+    # One more than is shown tells whether there are others.
     differences = list(islice(_differences(checked.plan, checked.entries), MOST_SHOWN + 1))
     checked.problems += differences[:MOST_SHOWN]
     if len(differences) > MOST_SHOWN:

@@ -87,6 +87,7 @@ class Grade(NamedTuple):
         if self.by_chance is None:
             return False
         fit = self.scores.scoring.metric == "fit"
+        # A fit is good where it is large, an error where it is small.
         return self.scores.mean > self.by_chance if fit else self.scores.mean < self.by_chance
 
     @property

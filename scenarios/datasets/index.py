@@ -27,6 +27,7 @@ def write_index(
     """
     digest = sha256()
     with replacing(folder / INDEX, durable=True) as partial, partial.open("w", encoding="utf-8") as stream:
+        # Piece by piece: `json.dump` would need the list of all experiments.
         stream.write(f'{{\n "data_set": {json.dumps(label)},\n "experiments": [')
         separator = ""
         for finished in experiments:
@@ -67,6 +68,7 @@ def hash_of_records(experiments: Iterable[Mapping[str, Any]]) -> str:
 def array_lines(arrays: Mapping[str, Mapping[str, str]]) -> bytes:
     """Lines of an experiment's arrays in the hash of all, by file and name; experiments in the order of the plan."""
     lines: list[str] = []
+    # Sorted, so that the hash does not depend on the order in which files and arrays were made.
     for file, hashes in sorted(arrays.items()):
         lines += [f"{hashes[name]}  {file}:{name}\n" for name in sorted(hashes)]
     return "".join(lines).encode()

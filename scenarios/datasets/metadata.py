@@ -41,7 +41,9 @@ FEW = 20
 
 ENVIRONMENT = Environment(
     loader=PackageLoader("scenarios"),
+    # Markdown, JSON and YAML, no pages of HTML.
     autoescape=False,
+    # A misspelt name is an error, not an empty text.
     undefined=StrictUndefined,
     trim_blocks=True,
     lstrip_blocks=True,

@@ -74,6 +74,7 @@ def _time_problems(variables: Mapping[str, Variable], samples: int | None) -> It
     sample = variables["sample"].values if "sample" in variables else np.zeros(0)
     if sample.dtype != np.int64 or not np.array_equal(sample, np.arange(sample.size)):
         yield "sample does not count 0, 1, 2, ... in whole numbers"
+    # To the last bit: a record is written with the same division.
     elif "t" not in variables or not np.array_equal(variables["t"].values, sample / SAMPLE_RATE):
         yield f"t is not the time of each sample, sample / {SAMPLE_RATE} s"
     if samples is not None and sample.shape != (samples,):

@@ -230,6 +230,7 @@ def _predicted_outputs(record: DataRecord, source: Path | np.ndarray) -> np.ndar
 
 def _shaped(values: np.ndarray, outputs: tuple[str, ...], shape: tuple[int, int], source: object) -> np.ndarray:
     """Check that predicted outputs are real numbers of a shape, and return them as floats."""
+    # Texts and complex numbers would become floats, with a warning at most.
     if values.dtype.kind not in "iuf":
         raise ScenarioError(f"{source}: values of type {values.dtype} given, expected real numbers")
     table = values[:, None] if values.ndim == 1 else values
@@ -288,6 +289,7 @@ def _read(path: Path, outputs: tuple[str, ...], shape: tuple[int, int]) -> np.nd
             raise ScenarioError(f"{path} has no variable {min(missing)}, but {', '.join(variables) or 'none'}")
         values = variables["y"].values
         names = tuple(map(str, variables["output"].values.ravel()))
+    # A file without a header: its first sample was taken for names.
     if path.suffix == ".csv" and names and all(_is_number(name) for name in names):
         raise ScenarioError(f"{path}: the first row holds numbers, expected names of outputs: {','.join(outputs)}")
     if names != outputs:

@@ -141,6 +141,7 @@ class TruthSpec:
             values = getattr(self, name)
             if len(set(values)) < len(values):
                 raise ScenarioError(f"truth: {name} = {values} given, expected each once")
+        # Two realisations at least: the nonlinear distortion is estimated from the spread between them.
         check_ranges("truth", self, {"floors": (0, 10**6), "search_steps": (0, 10**4), "realisations": (2, 10**4)})
 
 

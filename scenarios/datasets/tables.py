@@ -17,6 +17,7 @@ def table_text(columns: Iterable[str], rows: Iterable[Mapping[str, Any]]) -> str
         rows: Cells by the name of their column; others are left out.
     """
     stream = io.StringIO()
+    # The same bytes on every system.
     writer = csv.DictWriter(stream, list(columns), lineterminator="\n", extrasaction="ignore")
     writer.writeheader()
     writer.writerows(rows)

@@ -213,6 +213,7 @@ def _seeds(withheld: Path, labels: Mapping[str, str], seed: int | None) -> dict[
 def _publish(complete: Path, public: DataSetSpec, out: Path) -> Path:
     """Write the public folder of a complete data set; if it is there with the same bytes, it stays."""
     final = out / public.label
+    # Made whole and then renamed: nobody downloads half of it.
     with working_folder(out) as scratch:
         folder = scratch / public.label
         folder.mkdir()
