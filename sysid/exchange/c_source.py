@@ -1,6 +1,6 @@
 """C source of a model: C99, a header and one file, no memory allocated."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from string import Template
 
@@ -30,9 +30,9 @@ def to_c(model: StateSpace | Estimate, path: str | Path) -> tuple[Path, Path]:
     """
     source = named_path(path, ".c")
     header = source.with_suffix(".h")
-    texts = c_files(model, source.stem)
+    contents = c_files(model, source.stem)
     for file in (source, header):
-        write_whole(file, texts[file.name])
+        write_whole(file, contents[file.name])
     return source, header
 
 
@@ -48,11 +48,9 @@ def c_values(model: StateSpace | Estimate, name: str) -> dict[str, object]:
     if not as_model(model).nu:
         raise SysidError("the model is of a time series, without input; expected a path from u to y to export")
     m = as_model(model).input_path()
-    channels = [
-        f"   {letter}[{k}]: {comment(label)} [{comment(unit)}]"
-        for letter, names, units in (("u", m.input_names, m.input_units), ("y", m.output_names, m.output_units))
-        for k, (label, unit) in enumerate(zip(names or (), units or (), strict=True))
-    ]
+    channels = _channel_lines("u", m.input_names, m.input_units)
+    channels += _channel_lines("y", m.output_names, m.output_units)
+    matrices = {letter: _numbers(getattr(m, letter).ravel()) for letter in "ABCD"}
     return {
         "about": about,
         "channels": "\n".join(channels),
@@ -66,17 +64,25 @@ def c_values(model: StateSpace | Estimate, name: str) -> dict[str, object]:
         "room_x": max(m.order, 1),
         "room_u": max(m.nu, 1),
         "room_y": m.ny,
-        **{letter: _numbers(getattr(m, letter).ravel()) for letter in "ABCD"},
+        **matrices,
         "x0": "0.0",
         "u0": _numbers(u0),
         "y0": _numbers(y0),
     }
 
 
+def _channel_lines(letter: str, names: Sequence[str] | None, units: Sequence[str] | None) -> list[str]:
+    """Lines of a comment that name the elements of an array."""
+    lines: list[str] = []
+    for name, unit in zip(names or (), units or (), strict=True):
+        lines.append(f"   {letter}[{len(lines)}]: {comment(name)} [{comment(unit)}]")
+    return lines
+
+
 def filled(template: str, values: dict[str, object]) -> bytes:
     """A template of this room with its placeholders filled in."""
-    text = Path(__file__).with_name(template).read_text(encoding="utf-8")
-    return Template(text).substitute(values).encode("ascii")
+    source = Path(__file__).with_name(template).read_text(encoding="utf-8")
+    return Template(source).substitute(values).encode("ascii")
 
 
 def _numbers(values: Iterable[float] | FloatArray) -> str:

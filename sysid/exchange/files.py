@@ -81,13 +81,15 @@ def heading(model: StateSpace | Estimate) -> str:
     """One line on a model and its origin, in ASCII, for comments in source code."""
     model = chosen_model(model)
     if isinstance(model, Estimate):
-        text = repr(model).removeprefix("<Estimate: ").removesuffix(">")
+        described = repr(model).removeprefix("<Estimate: ").removesuffix(">")
     else:
-        text = f"state space of order {as_model(model).order}, every {model.dt:g} s"
-    return comment(f"{text}; written by {software()}")
+        described = f"state space of order {as_model(model).order}, every {model.dt:g} s"
+    return comment(f"{described}; written by {software()}")
 
 
 def comment(text: str) -> str:
     """Text that ends no comment and no line."""
-    line = "".join(c if c.isprintable() else " " for c in text).replace("*/", "* /").replace("/*", "/ *")
+    hidden = {ord(character): " " for character in text if not character.isprintable()}
+    line = text.translate(hidden).replace("*/", "* /").replace("/*", "/ *")
+    # A backslash at the end of a line would continue a comment of C.
     return line.encode("ascii", "backslashreplace").decode().replace("\\", "|")

@@ -55,7 +55,7 @@ def to_fmu(model: StateSpace | Estimate, path: str | Path, *, compiler: str | No
     values = {**c_values(model, file.stem), "guid": guid}
     sources[f"{file.stem}_fmi2.c"] = filled("fmi2.c", values)
     contents = {"modelDescription.xml": _description(model, file.stem, guid, sources)}
-    contents |= {f"sources/{name}": text for name, text in sources.items()}
+    contents |= {f"sources/{name}": source for name, source in sources.items()}
     if compiler is not None and (binary := _compiled(sources, compiler)) is not None:
         contents[f"binaries/linux64/{file.stem}.so"] = binary
     buffer = io.BytesIO()
@@ -69,9 +69,9 @@ def to_fmu(model: StateSpace | Estimate, path: str | Path, *, compiler: str | No
 def _compiled(sources: Mapping[str, bytes], compiler: str) -> bytes | None:
     program = shutil.which(compiler)
     if program is None or sys.platform != "linux" or platform.machine() != "x86_64":
-        why = f"no C compiler {compiler!r}" if program is None else f"{sys.platform} {platform.machine()}"
-        text = f"{why}: the FMU holds C source and no binary; its importer compiles it"
-        warnings.warn(text, SysidWarning, stacklevel=3)
+        reason = f"no C compiler {compiler!r}" if program is None else f"{sys.platform} {platform.machine()}"
+        message = f"{reason}: the FMU holds C source and no binary; its importer compiles it"
+        warnings.warn(message, SysidWarning, stacklevel=3)
         return None
     with tempfile.TemporaryDirectory() as folder:
         for name, content in sources.items():
@@ -110,10 +110,10 @@ def _description(model: StateSpace | Estimate, name: str, guid: str, sources: Ma
             ElementTree.SubElement(listed, "File", name=file)
     variables = list(_variables(m, operating_point(model)))
     names = [attributes["name"] for attributes, _ in variables]
-    for text in names:
-        if not text.isprintable() or text != text.strip() or not text or names.count(text) > 1:
+    for name in names:
+        if not name.isprintable() or name != name.strip() or not name or names.count(name) > 1:
             raise SysidError(
-                f"the channel name {shown(text)} is empty, not printable or not unique; expected a name of its own for "
+                f"the channel name {shown(name)} is empty, not printable or not unique; expected a name of its own for "
                 "every input and output: dataclasses.replace(model, input_names=..., output_names=...)"
             )
     units = ElementTree.SubElement(root, "UnitDefinitions")
@@ -124,11 +124,11 @@ def _description(model: StateSpace | Estimate, name: str, guid: str, sources: Ma
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stepSize=dt)
     declared = ElementTree.SubElement(root, "ModelVariables")
     for reference, (attributes, real) in enumerate(variables):
-        entry = ElementTree.SubElement(declared, "ScalarVariable", attributes, valueReference=str(reference))
-        ElementTree.SubElement(entry, "Real", real)
+        variable = ElementTree.SubElement(declared, "ScalarVariable", attributes, valueReference=str(reference))
+        ElementTree.SubElement(variable, "Real", real)
     structure = ElementTree.SubElement(root, "ModelStructure")
-    for kind in ("Outputs", "InitialUnknowns"):
-        unknowns = ElementTree.SubElement(structure, kind)
+    for element in ("Outputs", "InitialUnknowns"):
+        unknowns = ElementTree.SubElement(structure, element)
         for k in range(m.ny):
             ElementTree.SubElement(unknowns, "Unknown", index=str(m.nu + k + 1))
     ElementTree.indent(root)
@@ -152,4 +152,9 @@ def _variables(m: StateSpace, point: tuple[FloatArray, FloatArray]) -> Iterator[
 
 
 def _real(unit: str, start: float | None = None) -> dict[str, str]:
-    return ({"unit": unit} if unit else {}) | ({} if start is None else {"start": repr(float(start))})
+    attributes = {}
+    if unit:
+        attributes["unit"] = unit
+    if start is not None:
+        attributes["start"] = repr(float(start))
+    return attributes

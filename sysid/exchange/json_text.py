@@ -5,6 +5,7 @@ import math
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import MISSING, fields, is_dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
@@ -41,14 +42,15 @@ def parsed(path: Path) -> Any:
         raise SysidError("brackets are nested too deep, expected three levels of a matrix") from error
 
 
-def _refused(text: str) -> None:
-    raise SysidError(f"{text} given, expected finite numbers, or null where a value is not known")
+def _refused(constant: str) -> None:
+    raise SysidError(f"{constant} given, expected finite numbers, or null where a value is not known")
 
 
-def _whole(text: str) -> int:
-    if len(text) > LONGEST_WHOLE:
-        raise SysidError(f"a whole number of {len(text)} digits, expected at most {LONGEST_WHOLE}")
-    return int(text)
+def _whole(digits: str) -> int:
+    # Python takes quadratic time for a number of many digits.
+    if len(digits) > LONGEST_WHOLE:
+        raise SysidError(f"a whole number of {len(digits)} digits, expected at most {LONGEST_WHOLE}")
+    return int(digits)
 
 
 def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -63,9 +65,11 @@ def text_of(value: Any, indent: str = "") -> str:
     """A value as JSON: a line for every key and every row of a matrix; floats by their shortest exact decimals."""
     inner = f"{indent} "
     if isinstance(value, dict) and value:
-        lines = [f"{inner}{json.dumps(key)}: {text_of(entry, inner)}" for key, entry in value.items()]
-    elif isinstance(value, list) and any(isinstance(entry, list) for entry in value):
-        lines = [f"{inner}{text_of(entry, inner)}" for entry in value]
+        lines = []
+        for key, item in value.items():
+            lines.append(f"{inner}{json.dumps(key)}: {text_of(item, inner)}")
+    elif isinstance(value, list) and any(isinstance(item, list) for item in value):
+        lines = [f"{inner}{text_of(item, inner)}" for item in value]
     else:
         return json.dumps(value, allow_nan=False)
     start, end = "{}" if isinstance(value, dict) else "[]"
@@ -85,11 +89,11 @@ def encoded(value: Any) -> Any:
         return rows.tolist()
     if isinstance(value, Mapping):
         table = {}
-        for key, entry in value.items():
+        for key, item in value.items():
             with suppress(TypeError):
-                table[str(key)] = tagged(entry)
+                table[str(key)] = tagged(item)
         return table
-    return [encoded(entry) for entry in value] if isinstance(value, tuple) else value
+    return [encoded(item) for item in value] if isinstance(value, tuple) else value
 
 
 def decoded(where: str, value: Any, kind: Any) -> Any:
@@ -104,24 +108,30 @@ def decoded(where: str, value: Any, kind: Any) -> Any:
     if origin is np.ndarray:
         return _array(where, value)
     if origin is Mapping and isinstance(value, dict):
-        return {key: untagged(f"{where}.{key}", entry) for key, entry in value.items()}
+        return {key: untagged(f"{where}.{key}", item) for key, item in value.items()}
     if origin is tuple and isinstance(value, list):
-        return tuple(decoded(where, entry, get_args(kind)[0]) for entry in value)
+        return tuple(decoded(where, item, get_args(kind)[0]) for item in value)
     if type(None) in get_args(kind):
         return None if value is None else decoded(where, value, get_args(kind)[0])
-    if kind in EXPECTED and isinstance(value, int | float if kind is float else kind) and not isinstance(value, bool):
+    # JSON writes a float without decimals as a whole number.
+    accepted = int | float if kind is float else kind
+    if kind in EXPECTED and isinstance(value, accepted) and not isinstance(value, bool):
         return kind(value)
     raise SysidError(f"{where}: expected {EXPECTED[origin or kind]}, got {shown(value)}")
 
 
 def decoded_fields(where: str, value: Any, kind: type, **instead: Sequence[str]) -> dict[str, Any]:
     """Fields of a record by name; a table may have some keys instead of a field, and lack fields with a default."""
-    known = {field.name: field.default is MISSING for field in fields(kind) if field.name not in instead}
-    others = [key for keys in instead.values() for key in keys]
-    optional = [name for name, required in known.items() if not required]
-    checked_keys(where, value, [name for name, required in known.items() if required], (*optional, *others))
+    read = [field for field in fields(kind) if field.name not in instead]
+    required = [field.name for field in read if field.default is MISSING]
+    optional = [field.name for field in read if field.default is not MISSING]
+    checked_keys(where, value, required, (*optional, *chain.from_iterable(instead.values())))
     hints = get_type_hints(kind)
-    return {name: decoded(f"{where}.{name}", value[name], hints[name]) for name in known if name in value}
+    decoded_values = {}
+    for name in (field.name for field in read):
+        if name in value:
+            decoded_values[name] = decoded(f"{where}.{name}", value[name], hints[name])
+    return decoded_values
 
 
 def checked_keys(where: str, value: Any, required: Collection[str], optional: Collection[str] = ()) -> None:
@@ -138,8 +148,10 @@ def checked_keys(where: str, value: Any, required: Collection[str], optional: Co
 def _array(where: str, value: Any) -> FloatArray:
     """Numbers in lists in lists; NaN for null."""
 
-    def with_nan(entry: Any) -> Any:
-        return [with_nan(one) for one in entry] if isinstance(entry, list) else np.nan if entry is None else entry
+    def with_nan(item: Any) -> Any:
+        if isinstance(item, list):
+            return [with_nan(inner) for inner in item]
+        return np.nan if item is None else item
 
     try:
         array = np.array(with_nan(value))
@@ -165,9 +177,9 @@ def tagged(value: Any) -> Any:
     if isinstance(value, complex):
         return {"complex": [tagged(value.real), tagged(value.imag)]}
     if isinstance(value, Mapping):
-        return {"mapping": {str(key): tagged(entry) for key, entry in value.items()}}
+        return {"mapping": {str(key): tagged(item) for key, item in value.items()}}
     if isinstance(value, tuple | list):
-        return [tagged(entry) for entry in value]
+        return [tagged(item) for item in value]
     if isinstance(value, bool | int | float | str | None):
         return value
     raise TypeError(f"{type(value).__name__} has no form in JSON")
@@ -180,21 +192,21 @@ def untagged(where: str, value: Any) -> Any:
         SysidError: A table that `tagged` does not write.
     """
     if isinstance(value, list):
-        return tuple(untagged(where, entry) for entry in value)
+        return tuple(untagged(where, item) for item in value)
     if not isinstance(value, dict):
         return value
     try:
         match value:
-            case {"array": list() as entries, "shape": list() as shape, **rest} if not rest:
-                array = np.array(untagged(where, entries)).reshape(shape)
+            case {"array": list() as items, "shape": list() as shape, **rest} if not rest:
+                array = np.array(untagged(where, items)).reshape(shape)
                 if array.dtype.kind in KINDS:
                     return array
-            case {"float": "nan" | "inf" | "-inf" as text, **rest} if not rest:
-                return float(text)
+            case {"float": "nan" | "inf" | "-inf" as number, **rest} if not rest:
+                return float(number)
             case {"complex": [real, imaginary], **rest} if not rest:
                 return complex(untagged(where, real), untagged(where, imaginary))
-            case {"mapping": dict() as entries, **rest} if not rest:
-                return {key: untagged(where, entry) for key, entry in entries.items()}
+            case {"mapping": dict() as items, **rest} if not rest:
+                return {key: untagged(where, item) for key, item in items.items()}
     except (TypeError, ValueError) as error:
         raise SysidError(f"{where}: {error}") from error
     raise SysidError(f"{where}: unknown table {shown(value)}, expected one of array, float, complex, mapping")

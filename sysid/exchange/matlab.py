@@ -1,6 +1,7 @@
 """A model as a MATLAB function that constructs it: idpoly, idtf or idss."""
 
 from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -41,17 +42,8 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
     file = named_path(path, ".m")
     model = chosen_model(model)
     m = as_model(model)
-    labels = [
-        f"'{key}', {{{', '.join(map(_text, texts or ()))}}}"
-        for key, texts in (
-            ("InputName", m.input_names),
-            ("OutputName", m.output_names),
-            ("InputUnit", m.input_units),
-            ("OutputUnit", m.output_units),
-        )
-        if texts
-    ]
-    known = isinstance(model, Estimate) and np.isfinite(model.covariance).all() and len(model.parameters) > 0
+    labels = _labels(m)
+    has_covariance = isinstance(model, Estimate) and np.isfinite(model.covariance).all() and len(model.parameters) > 0
     free: list[str] = []
     # A model with the numbers of the parameters in their places shows where MATLAB puts them among its own; they begin
     # at 2, since polynomials have leading ones.
@@ -59,40 +51,65 @@ def to_matlab(model: StateSpace | Estimate, path: str | Path) -> Path:
         count = len(model.parameters)
         shape = by.orders.polynomials(np.arange(2.0, count + 2.0))
         rest = [_matrix(model.noise_variance), repr(m.dt), *labels]
-        call, numbered = (_idpoly(polynomials, shape, rest) for polynomials in (model.polynomials, shape))
+        call, numbered = _idpoly(model.polynomials, shape, rest), _idpoly(shape, shape, rest)
         covariance = model.covariance
     elif isinstance(model, ContinuousEstimate) and isinstance(paths := model.realise_continuous, RealisePaths):
         call, numbered, moves = _idtf(model, paths, labels)
         covariance, count = moves.T @ moves, moves.shape[1]
-        free = [
-            f"sys.Structure({i + 1}, {j + 1}).IODelay.Free = true;"
-            for i, row in enumerate(paths.structures)
-            for j, path in enumerate(row)
-            if path.delay is None
-        ]
+        free = _free_delays(paths)
     else:
         call, count = _idss(m, labels), len(entries(m))
         numbered = _idss(with_entries(m, np.arange(2.0, count + 2.0)), labels)
-        if known and isinstance(model, Estimate):
+        if has_covariance and isinstance(model, Estimate):
             moves = entry_moves(model)
             covariance = moves.T @ moves
     lines = [f"% {heading(model)}", f"sys = {call};", *free]
-    if known:
-        lines += [
-            f"covariance = {_matrix(covariance)};",
-            "% The same model with the number of each parameter in its place: where getpvec has it, setcov wants it.",
-            f"[known, number] = ismember(getpvec({numbered}), 2:{count + 1});",
-            "whole = zeros(numel(known));",
-            "whole(known, known) = covariance(number(known), number(known));",
-            "sys = setcov(sys, whole);",
-        ]
+    if has_covariance:
+        lines += _covariance_lines(covariance, numbered, count)
     levels = operating_point(model)
     if any(level.any() for level in levels):
         inputs, outputs = map(_row, levels)
         lines.append(f"sys.UserData = struct('InputOffset', {inputs}, 'OutputOffset', {outputs});")
-    text = "\n".join((f"function sys = {file.stem}()", *lines, "end", ""))
-    write_whole(file, text.encode("utf-8"))
+    source = "\n".join((f"function sys = {file.stem}()", *lines, "end", ""))
+    write_whole(file, source.encode("utf-8"))
     return file
+
+
+def _labels(m: StateSpace) -> list[str]:
+    """Names and units of the channels as arguments of a constructor."""
+    labels = {
+        "InputName": m.input_names,
+        "OutputName": m.output_names,
+        "InputUnit": m.input_units,
+        "OutputUnit": m.output_units,
+    }
+    arguments = []
+    for key, names in labels.items():
+        if names:
+            arguments += [f"'{key}'", _cell_row(map(_text, names))]
+    return arguments
+
+
+def _free_delays(paths: RealisePaths) -> list[str]:
+    """Lines that free the delays which were estimated; idtf holds those that are given."""
+    lines = []
+    for i, row in enumerate(paths.structures, start=1):
+        for j, path in enumerate(row, start=1):
+            if path.delay is None:
+                lines.append(f"sys.Structure({i}, {j}).IODelay.Free = true;")
+    return lines
+
+
+def _covariance_lines(covariance: FloatArray, numbered: str, count: int) -> list[str]:
+    """Lines that set the covariance of the parameters, in the sequence in which MATLAB has them."""
+    return [
+        f"covariance = {_matrix(covariance)};",
+        "% The same model with the number of each parameter in its place: where getpvec has it, setcov wants it.",
+        f"[known, number] = ismember(getpvec({numbered}), 2:{count + 1});",
+        "whole = zeros(numel(known));",
+        "whole(known, known) = covariance(number(known), number(known));",
+        "sys = setcov(sys, whole);",
+    ]
 
 
 def _idpoly(p: Polynomials, shape: Polynomials, rest: list[str]) -> str:
@@ -100,44 +117,65 @@ def _idpoly(p: Polynomials, shape: Polynomials, rest: list[str]) -> str:
     rows: dict[str, str] = {}
     for name, k in (("B", 0), ("F", 1)):
         values = np.atleast_2d(getattr(p, name))
-        texts = [_row(values[j, : len(shape.channel(j)[k])]) for j in range(p.nu)]
-        rows[name] = texts[0] if p.nu == 1 else f"{{{', '.join(texts)}}}" if texts else "[]"
+        of_inputs = []
+        for j in range(p.nu):
+            length = len(shape.channel(j)[k])
+            of_inputs.append(_row(values[j, :length]))
+        if p.nu == 1:
+            rows[name] = of_inputs[0]
+        else:
+            rows[name] = _cell_row(of_inputs) if of_inputs else "[]"
     return _call("idpoly", [_row(p.A), rows["B"], _row(p.C), _row(p.D), rows["F"], *rest])
 
 
 def _idss(m: StateSpace, labels: list[str]) -> str:
     covariance = m.innovation_covariance
     noise = [] if covariance is None else [f"'NoiseVariance', {_matrix(covariance)}"]
-    matrices = [_matrix(matrix) for matrix in (m.A, m.B, m.C, m.D, m.gain, np.zeros((m.order, 1)))]
+    start = np.zeros((m.order, 1))
+    matrices = list(map(_matrix, (m.A, m.B, m.C, m.D, m.gain, start)))
     return _call("idss", [*matrices, repr(m.dt), *noise, *labels])
 
 
 def _idtf(estimate: Estimate, paths: RealisePaths, labels: list[str]) -> tuple[str, str, FloatArray]:
     """The constructor, that with numbers of coefficients, and changes of these per standard direction."""
     ny, nu = len(paths.structures), len(paths.structures[0])
-    shape = [RationalPath(s.poles, s.zeros, None if s.delay is None else 0.0) for row in paths.structures for s in row]
+    shape = []
+    for structure in chain.from_iterable(paths.structures):
+        delay = None if structure.delay is None else 0.0
+        shape.append(RationalPath(structure.poles, structure.zeros, delay))
 
     def coefficients(theta: FloatArray) -> FloatArray:
-        parts = zip(shape, paths.transfers(theta), strict=True)
-        return np.concatenate([structure.parameters(path) for structure, path in parts])
+        pairs = zip(shape, paths.transfers(theta), strict=True)
+        return np.concatenate([structure.parameters(path) for structure, path in pairs])
 
-    def text(transfers: Sequence[TransferFunction]) -> str:
-        cells = []
-        for rows in ([_row(g.b[::-1]) for g in transfers], [_row(g.a[::-1]) for g in transfers]):
-            cells.append(f"{{{'; '.join(', '.join(rows[i * nu : (i + 1) * nu]) for i in range(ny))}}}")
+    def cells(polynomials: Iterable[FloatArray]) -> str:
+        # MATLAB has the highest power first.
+        written = [_row(polynomial[::-1]) for polynomial in polynomials]
+        rows = [", ".join(written[i * nu : (i + 1) * nu]) for i in range(ny)]
+        return f"{{{'; '.join(rows)}}}"
+
+    def constructor(transfers: Sequence[TransferFunction]) -> str:
+        numerators, denominators = cells(g.b for g in transfers), cells(g.a for g in transfers)
         delays = _matrix(np.reshape([g.delay for g in transfers], (ny, nu)))
         noise = [] if paths.covariance is None else ["'NoiseVariance'", _matrix(paths.covariance)]
-        return _call("idtf", [*cells, "0", "'IODelay'", delays, *noise, *labels])
+        return _call("idtf", [numerators, denominators, "0", "'IODelay'", delays, *noise, *labels])
 
-    values = [TransferFunction(g.b / g.a[-1], g.a / g.a[-1], g.delay) for g in paths.transfers(estimate.parameters)]
-    ends = np.cumsum([len(one.names) for one in shape])
-    numbers = np.split(np.arange(2.0, ends[-1] + 2.0), ends[:-1])
-    numbered = [structure.transfer(own) for structure, own in zip(shape, numbers, strict=True)]
-    return text(values), text(numbered), spread(coefficients, estimate.parameters, estimate.covariance)
+    # The leading coefficient of a denominator of idtf is 1.
+    monic = []
+    for g in paths.transfers(estimate.parameters):
+        monic.append(TransferFunction(g.b / g.a[-1], g.a / g.a[-1], g.delay))
+    ends = np.cumsum([len(structure.names) for structure in shape])
+    numbers_of_paths = np.split(np.arange(2.0, ends[-1] + 2.0), ends[:-1])
+    numbered = [structure.transfer(numbers) for structure, numbers in zip(shape, numbers_of_paths, strict=True)]
+    return constructor(monic), constructor(numbered), spread(coefficients, estimate.parameters, estimate.covariance)
 
 
 def _call(name: str, arguments: Iterable[str]) -> str:
     return f"{name}({', '.join(arguments)}, 'TimeUnit', 'seconds')"
+
+
+def _cell_row(cells: Iterable[str]) -> str:
+    return f"{{{', '.join(cells)}}}"
 
 
 def _row(values: FloatArray) -> str:
@@ -150,8 +188,8 @@ def _matrix(matrix: FloatArray) -> str:
     return f"[{'; '.join(_row(row)[1:-1] for row in matrix)}]"
 
 
-def _text(text: str) -> str:
-    if not text.isprintable():
-        raise SysidError(f"the label {text!r} of a channel does not fit on a line of MATLAB; expected printable text")
-    doubled = text.replace("'", "''")
+def _text(label: str) -> str:
+    if not label.isprintable():
+        raise SysidError(f"the label {label!r} of a channel does not fit on a line of MATLAB; expected printable text")
+    doubled = label.replace("'", "''")
     return f"'{doubled}'"

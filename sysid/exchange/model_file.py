@@ -1,6 +1,7 @@
 """The model file: a model or estimate as JSON, every bit of it, described in docs/model-file.md."""
 
 from dataclasses import fields
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -95,18 +96,20 @@ def _model(content: Any) -> Estimate | StateSpace | Polynomials:
     version = content.get("version")
     if version != VERSION or isinstance(version, bool):
         raise SysidError(f"version {shown(version)} given, expected {VERSION}: another version of the package wrote it")
-    kinds = [kind for kind in KINDS if kind in content]
+    kinds = [key for key in KINDS if key in content]
     if len(kinds) != 1:
         raise SysidError(f"expected one of the keys {', '.join(KINDS)}, got {', '.join(map(shown, content))}")
-    (kind,) = kinds
-    checked_keys("the file", content, (*HEAD, kind), ("command", "fit"))
-    model: Estimate | StateSpace | Polynomials
-    model = _read_estimate(content[kind]) if kind == "estimate" else decoded(kind, content[kind], KINDS[kind])
+    (key,) = kinds
+    checked_keys("the file", content, (*HEAD, key), ("command", "fit"))
+    if key == "estimate":
+        return _read_estimate(content[key])
+    model: StateSpace | Polynomials = decoded(key, content[key], KINDS[key])
     return model
 
 
 def _estimate(e: Estimate) -> dict[str, Any]:
-    table = {field.name: encoded(getattr(e, field.name)) for field in fields(Estimate) if field.name != "realise"}
+    names = [field.name for field in fields(Estimate) if field.name != "realise"]
+    table = {name: encoded(getattr(e, name)) for name in names}
     if isinstance(e, ContinuousEstimate):
         continuous = e.realise_continuous
         if isinstance(continuous, RealisePaths):
@@ -121,66 +124,100 @@ def _estimate(e: Estimate) -> dict[str, Any]:
 
 
 def _read_estimate(value: Any) -> Estimate:
-    known = decoded_fields("estimate", value, Estimate, realise=("layout", "derivatives", "paths", "unsampled"))
-    model, data, theta = known["model"], known["data"], real_array("parameters", known["parameters"])
-    p, ny = len(theta), model.ny
+    table = decoded_fields("estimate", value, Estimate, realise=("layout", "derivatives", "paths", "unsampled"))
+    _check_numbers(table)
+    _check_data(table["data"], table["model"], sampled="derivatives" not in value)
+    forms = [key for key in ("layout", "derivatives", "paths") if key in value]
+    realise: Realise | LinearEntries
+    if forms == ["paths"] and "unsampled" not in value:
+        return _of_paths(value["paths"], table)
+    if forms == ["layout"]:
+        realise = _of_layout(value["layout"], table)
+    elif forms == ["derivatives"]:
+        realise = _of_derivatives(value["derivatives"], table)
+    else:
+        raise SysidError("expected one of layout, of an estimate of polynomials, derivatives, and paths")
+    estimate = Estimate(**table, realise=realise)
+    if "unsampled" not in value:
+        return estimate
+    unsampled = value["unsampled"]
+    checked_keys("unsampled", unsampled, ("intersample", "noise"))
+    if unsampled["intersample"] not in ("zoh", "foh") or not isinstance(unsampled["noise"], bool):
+        raise SysidError(f"unsampled: expected intersample zoh or foh and noise true or false, got {shown(unsampled)}")
+    return continuous_estimate(estimate, Unsampled(realise, **unsampled))
+
+
+def _check_numbers(table: dict[str, Any]) -> None:
+    """Check parameters, covariances and residuals, and bring the arrays of a table to their shapes."""
+    data, ny = table["data"], table["model"].ny
+    p = len(real_array("parameters", table["parameters"]))
     if len(data.samples) != len(data.names) or min(data.samples, default=-1) < 0:
         raise SysidError(f"data: expected a number of samples for each of the names, got {shown(data.samples)}")
     samples = sum(data.samples)
     for name, shape in (("covariance", (p, p)), ("noise_variance", (ny, ny)), ("residuals", (samples, ny))):
-        known[name] = _shaped(name, known[name], shape)
-        largest = np.abs(known[name]).max(initial=0.0)  # NaN where the covariance is not known
-        if name != "residuals" and not (np.isnan(largest) or (largest <= LARGEST and is_covariance(known[name]))):
+        table[name] = _shaped(name, table[name], shape)
+        largest = np.abs(table[name]).max(initial=0.0)  # NaN where the covariance is not known
+        if name != "residuals" and not (np.isnan(largest) or (largest <= LARGEST and is_covariance(table[name]))):
             raise SysidError(f"{name}: expected a symmetric matrix without negative eigenvalues, up to {LARGEST:g}")
-    if data.dt != model.dt and "derivatives" not in value:
+
+
+def _check_data(data: Any, model: StateSpace, *, sampled: bool) -> None:
+    """Check what an estimate says of its data against its model."""
+    if data.dt != model.dt and sampled:
         raise SysidError(f"data.dt: expected {model.dt:g} s as the model, got {data.dt:g}")
     if data.intersample not in ("zoh", "foh", "bl"):
         raise SysidError(f"data.intersample: expected zoh, foh or bl, got {shown(data.intersample)}")
-    offsets = {"input_offset": (data.input_offset, model.nu), "output_offset": (data.output_offset, model.ny)}
-    offsets["output_deviation"] = (data.output_deviation or None, model.ny)
-    sides = {name: (labels, len(getattr(model, name))) for name, labels in data.labels.items()} | offsets
-    for name, (values, count) in sides.items():
+    per_channel: dict[str, tuple[Any, int]] = {}
+    for name, labels in data.labels.items():
+        per_channel[name] = (labels, len(getattr(model, name)))
+    per_channel["input_offset"] = (data.input_offset, model.nu)
+    per_channel["output_offset"] = (data.output_offset, model.ny)
+    per_channel["output_deviation"] = (data.output_deviation or None, model.ny)
+    for name, (values, count) in per_channel.items():
         if values is not None and len(values) != count:
             raise SysidError(f"data.{name}: expected {count}, one per channel of the model, got {len(values)}")
-    forms = [key for key in ("layout", "derivatives", "paths") if key in value]
-    realise: Realise | LinearEntries
-    if forms == ["paths"] and "unsampled" not in value:
-        structures = _structures(value["paths"], known["method"], (ny, model.nu), len(theta))
-        continuous = RealisePaths(structures, data, data.intersample, model.innovation_covariance)
-        sampled = Resampled(continuous)
-        expected, got = entries(model), entries(sampled(theta))
-        # matrix exponentials differ by rounding from machine to machine
-        if expected.shape != got.shape or not np.allclose(got, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max()):
-            raise SysidError("paths: the transfer functions with these parameters are not the model")
-        return ContinuousEstimate(**known, realise=sampled, realise_continuous=continuous)
-    if forms == ["layout"]:
-        orders = _layout(value["layout"], known["polynomials"], known["parameter_names"])
-        variance = None if model.innovation_covariance is None else float(known["noise_variance"][0, 0])
-        realise = Realise(orders, data, variance)
-        if not np.array_equal(entries(realise(theta)), entries(model)):
-            raise SysidError("layout: the polynomials with these parameters are not the model")
-    elif forms == ["derivatives"]:
-        moves = decoded("derivatives", value["derivatives"], FloatArray | None)
-        shape = (p, len(entries(model)))
-        realise = LinearEntries(model, theta, None if moves is None else _shaped("derivatives", moves, shape))
-    else:
-        raise SysidError("expected one of layout, of an estimate of polynomials, derivatives, and paths")
-    estimate = Estimate(**known, realise=realise)
-    if "unsampled" not in value:
-        return estimate
-    how = value["unsampled"]
-    checked_keys("unsampled", how, ("intersample", "noise"))
-    if how["intersample"] not in ("zoh", "foh") or not isinstance(how["noise"], bool):
-        raise SysidError(f"unsampled: expected intersample zoh or foh and noise true or false, got {shown(how)}")
-    return continuous_estimate(estimate, Unsampled(realise, **how))
+
+
+def _of_paths(value: Any, table: dict[str, Any]) -> ContinuousEstimate:
+    """Estimate of transfer functions in continuous time, whose discrete model must be that of the table."""
+    model, data, theta = table["model"], table["data"], table["parameters"]
+    structures = _structures(value, table["method"], (model.ny, model.nu), len(theta))
+    continuous = RealisePaths(structures, data, data.intersample, model.innovation_covariance)
+    sampled = Resampled(continuous)
+    expected, got = entries(model), entries(sampled(theta))
+    # matrix exponentials differ by rounding from machine to machine
+    if expected.shape != got.shape or not np.allclose(got, expected, rtol=1e-6, atol=1e-9 * np.abs(expected).max()):
+        raise SysidError("paths: the transfer functions with these parameters are not the model")
+    return ContinuousEstimate(**table, realise=sampled, realise_continuous=continuous)
+
+
+def _of_layout(value: Any, table: dict[str, Any]) -> Realise:
+    """Polynomials of the parameters, whose model must be that of the table."""
+    model = table["model"]
+    orders = _layout(value, table["polynomials"], table["parameter_names"])
+    variance = None if model.innovation_covariance is None else float(table["noise_variance"][0, 0])
+    realise = Realise(orders, table["data"], variance)
+    if not np.array_equal(entries(realise(table["parameters"])), entries(model)):
+        raise SysidError("layout: the polynomials with these parameters are not the model")
+    return realise
+
+
+def _of_derivatives(value: Any, table: dict[str, Any]) -> LinearEntries:
+    """Model to first order in the parameters."""
+    model, theta = table["model"], table["parameters"]
+    moves = decoded("derivatives", value, FloatArray | None)
+    if moves is not None:
+        moves = _shaped("derivatives", moves, (len(theta), len(entries(model))))
+    return LinearEntries(model, theta, moves)
 
 
 def _structures(
     value: Any, method: str, shape: tuple[int, int], parameters: int
 ) -> tuple[tuple[PathStructure, ...], ...]:
-    kind = tuple[tuple[ProcessPath, ...], ...] if method == "procest" else tuple[tuple[RationalPath, ...], ...]
-    rows: tuple[tuple[PathStructure, ...], ...] = decoded("paths", value, kind)
-    paths = [path for row in rows for path in row]
+    of_processes, of_fractions = tuple[tuple[ProcessPath, ...], ...], tuple[tuple[RationalPath, ...], ...]
+    expected = of_processes if method == "procest" else of_fractions
+    rows: tuple[tuple[PathStructure, ...], ...] = decoded("paths", value, expected)
+    paths = list(chain.from_iterable(rows))
     fits = len(rows) == shape[0] and all(len(row) == shape[1] for row in rows)
     if not fits or not all(0 <= path.zeros <= path.poles <= parameters for path in paths):
         raise SysidError(f"paths: expected {shape[0]} rows of {shape[1]} proper transfer functions, got {shown(value)}")
@@ -194,8 +231,8 @@ def _layout(value: Any, polynomials: Polynomials | None, names: tuple[str, ...])
     widths = {len(orders.nb), len(orders.nf), len(orders.nk)}
     # Numbers before names, of which a damaged file can claim any number.
     counts = (orders.na, *orders.nb, orders.nc, orders.nd, *orders.nf)
-    known = polynomials is not None and widths == {polynomials.nu} and min(counts) >= 0 and orders.count == len(names)
-    if polynomials is None or not known or orders.names != names:
+    fits = polynomials is not None and widths == {polynomials.nu} and min(counts) >= 0 and orders.count == len(names)
+    if polynomials is None or not fits or orders.names != names:
         raise SysidError(f"layout: expected that of {len(names)} parameters of polynomials, got {shown(value)}")
     if not all(0 <= k < polynomials.B.shape[-1] for k in orders.nk):
         raise SysidError(

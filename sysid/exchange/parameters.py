@@ -49,14 +49,15 @@ def portable(estimate: Estimate) -> Realise | LinearEntries:
 
 def entries(model: StateSpace) -> FloatArray:
     """Entries of A, B, C, D, K, row by row."""
-    return np.concatenate([matrix.ravel() for matrix in (model.A, model.B, model.C, model.D, model.gain)])
+    matrices = (model.A, model.B, model.C, model.D, model.gain)
+    return np.concatenate([matrix.ravel() for matrix in matrices])
 
 
 def with_entries(model: StateSpace, values: FloatArray) -> StateSpace:
     """The model with other `entries`."""
     matrices = (model.A, model.B, model.C, model.D, model.gain)
-    parts = np.split(values, np.cumsum([matrix.size for matrix in matrices])[:-1])
-    A, B, C, D, K = (part.reshape(matrix.shape) for part, matrix in zip(parts, matrices, strict=True))
+    rows = np.split(values, np.cumsum([matrix.size for matrix in matrices])[:-1])
+    A, B, C, D, K = [row.reshape(matrix.shape) for row, matrix in zip(rows, matrices, strict=True)]
     return replace(model, A=A, B=B, C=C, D=D, K=K)
 
 
@@ -90,11 +91,16 @@ def _in_coordinates_of(reference: StateSpace, model: StateSpace) -> StateSpace:
         raise SysidError(f"a small step of the parameters changes the number of states from {n} to {model.order}")
     if n == 0 or np.array_equal(entries(model), entries(reference)):
         return model
-    own, other = (
-        np.concatenate([m.C @ np.linalg.matrix_power(m.A, k) for k in range(2 * n)]) for m in (model, reference)
-    )
-    weight = TIED * float(np.linalg.norm(other))
+    observed, wanted = _observability(model), _observability(reference)
+    weight = TIED * float(np.linalg.norm(wanted))
     identity = weight * np.eye(n)
-    change, *_ = np.linalg.lstsq(np.vstack((own, identity)), np.vstack((other, identity)), rcond=None)
-    A, B, K = (np.asarray(np.linalg.solve(change, part)) for part in (model.A @ change, model.B, model.gain))
-    return replace(model, A=A, B=B, C=model.C @ change, K=K)
+    change, *_ = np.linalg.lstsq(np.vstack((observed, identity)), np.vstack((wanted, identity)), rcond=None)
+    A = np.linalg.solve(change, model.A @ change)
+    B, K = np.linalg.solve(change, model.B), np.linalg.solve(change, model.gain)
+    return replace(model, A=np.asarray(A), B=np.asarray(B), C=model.C @ change, K=np.asarray(K))
+
+
+def _observability(model: StateSpace) -> FloatArray:
+    """Rows C A^k of the free response, for twice as many samples as there are states."""
+    samples = range(2 * model.order)
+    return np.concatenate([model.C @ np.linalg.matrix_power(model.A, k) for k in samples])

@@ -95,11 +95,9 @@ class IOData(Labelled, Locked):
             "output_units": channel_labels("output_units", self.output_units, ("",) * ny),
         }
         if self.input_offset is not None or self.output_offset is not None:
-            offsets = {"input_offset": (self.input_offset, nu), "output_offset": (self.output_offset, ny)}
-            for attribute, (offset, count) in offsets.items():
-                checked[attribute] = values = lock(real_array(attribute, np.zeros(0) if offset is None else offset))
-                if values.shape != (count,):
-                    raise SysidError(f"{attribute}: expected one value per channel, shape ({count},), got {offset}")
+            # One without the other is refused where there are channels: `retrend` needs both.
+            checked["input_offset"] = _offset("input_offset", self.input_offset, nu)
+            checked["output_offset"] = _offset("output_offset", self.output_offset, ny)
         channel_labels("input and output names", (*checked["input_names"], *checked["output_names"]), ("",) * (nu + ny))
         for attribute, value in checked.items():
             object.__setattr__(self, attribute, value)
@@ -115,14 +113,9 @@ class IOData(Labelled, Locked):
     def __str__(self) -> str:
         """One line: length, interval, channels with their units."""
         name = f"{self.name}: " if self.name else ""
-        inputs, outputs = (
-            ", ".join(
-                label + (f" [{unit}]" if unit else "") for label, unit in zip(labels or (), units or (), strict=True)
-            )
-            for labels, units in ((self.input_names, self.input_units), (self.output_names, self.output_units))
-        )
         window = f", the first {self.window} to initialise" if self.window else ""
-        inputs = f"input {inputs}" if self.nu else "no input"
+        inputs = f"input {_with_units(self.input_names, self.input_units)}" if self.nu else "no input"
+        outputs = _with_units(self.output_names, self.output_units)
         return f"{name}{counted(len(self), 'sample')} every {self.dt:g} s{window}; {inputs}; output {outputs}"
 
     def _variables(self) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
@@ -180,15 +173,20 @@ class IOData(Labelled, Locked):
         """
         if self.complete:
             return (self,)
-        known = np.concatenate(([False], self.known.all(axis=1), [False]))
-        starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
+        # Edges of a mask that is false beyond both ends of the record.
+        complete = np.concatenate(([False], self.known.all(axis=1), [False]))
+        edges = np.diff(complete.astype(int))
+        starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
         lengths = stops - np.maximum(starts, self.window)
-        least = whole_number("shortest", shortest, 1)
-        parts = np.flatnonzero(lengths >= least)
-        if not len(parts):
+        shortest = whole_number("shortest", shortest, 1)
+        if not (lengths >= shortest).any():
             longest = int(lengths.max(initial=0))
-            raise SysidError(f"no part without missing samples has {least} samples; the longest has {longest}")
-        return tuple(replace(self[int(starts[k]) : int(stops[k])], missing=False) for k in parts)
+            raise SysidError(f"no part without missing samples has {shortest} samples; the longest has {longest}")
+        stretches = []
+        for k in np.flatnonzero(lengths >= shortest):
+            stretch = self[int(starts[k]) : int(stops[k])]
+            stretches.append(replace(stretch, missing=False))
+        return tuple(stretches)
 
     @property
     def scored(self) -> "IOData":
@@ -249,7 +247,7 @@ class IOData(Labelled, Locked):
     def _without(self, u: FloatArray, y: FloatArray) -> "IOData":
         before = (0.0, 0.0) if self.input_offset is None else (self.input_offset, self.output_offset)
         # the mean of a constant may differ from it by rounding
-        levels = [np.where(np.ptp(part, axis=0) > 0.0, part.mean(axis=0), part[0]) for part in (u, y)]
+        levels = [np.where(np.ptp(removed, axis=0) > 0.0, removed.mean(axis=0), removed[0]) for removed in (u, y)]
         return replace(
             self,
             u=difference(self.u, u),
@@ -283,8 +281,8 @@ class IOData(Labelled, Locked):
             output_names=_pick(self.output_names, o),
             input_units=_pick(self.input_units, i),
             output_units=_pick(self.output_units, o),
-            input_offset=None if self.input_offset is None else self.input_offset[i],
-            output_offset=None if self.output_offset is None else self.output_offset[o],
+            input_offset=_picked_offset(self.input_offset, i),
+            output_offset=_picked_offset(self.output_offset, o),
         )
 
 
@@ -325,10 +323,10 @@ def as_experiments(
                 f"experiment {i} lacks {int((~record.known).sum())} of {record.y.size} output samples, all are needed "
                 "here; data.complete_parts() cuts it into experiments without gaps"
             )
-    return tuple(
-        in_sequence_of(records[0], record, owner="experiment 0", other=f"experiment {i}")
-        for i, record in enumerate(records)
-    )
+    aligned = []
+    for i, record in enumerate(records):
+        aligned.append(in_sequence_of(records[0], record, owner="experiment 0", other=f"experiment {i}"))
+    return tuple(aligned)
 
 
 def in_sequence_of(first: IOData, record: IOData, *, owner: str, other: str) -> IOData:
@@ -343,12 +341,31 @@ def in_sequence_of(first: IOData, record: IOData, *, owner: str, other: str) -> 
     return record if sorted_already else record.select(inputs=inputs, outputs=outputs)
 
 
+def _offset(name: str, offset: FloatArray | None, count: int) -> FloatArray:
+    values = lock(real_array(name, np.zeros(0) if offset is None else offset))
+    if values.shape != (count,):
+        raise SysidError(f"{name}: expected one value per channel, shape ({count},), got {offset}")
+    return values
+
+
+def _picked_offset(offset: FloatArray | None, channels: Sequence[int]) -> FloatArray | None:
+    return None if offset is None else offset[channels]
+
+
+def _with_units(names: Sequence[str] | None, units: Sequence[str] | None) -> str:
+    labels = []
+    for name, unit in zip(names or (), units or (), strict=True):
+        labels.append(f"{name} [{unit}]" if unit else name)
+    return ", ".join(labels)
+
+
 def as_record(data: IOData) -> IOData:
     """Check that the data are a single record."""
     if not isinstance(data, IOData):
-        several = isinstance(data, Sequence) and not isinstance(data, str)
-        hint = "; take several experiments one after the other: [... for one in data]"
-        raise SysidError(f"expected an IOData record, got {type(data).__name__}{hint if several else ''}")
+        message = f"expected an IOData record, got {type(data).__name__}"
+        if isinstance(data, Sequence) and not isinstance(data, str):
+            message += "; take several experiments one after the other: [... for one in data]"
+        raise SysidError(message)
     return data
 
 

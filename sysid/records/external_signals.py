@@ -21,8 +21,10 @@ def external_signals(
     several: object = [signals] if isinstance(data, IOData) else signals
     if not isinstance(several, Sequence) or len(several) != len(experiments):
         raise SysidError(f"{name}: expected a sequence of {len(experiments)} arrays, one per experiment")
-    arrays = [real_array(name, signal) for signal in several]
-    arrays = [array[:, None] if array.ndim == 1 else array for array in arrays]
+    arrays = []
+    for signal in several:
+        array = real_array(name, signal)
+        arrays.append(array[:, None] if array.ndim == 1 else array)
     for array, e in zip(arrays, experiments, strict=True):
         if array.ndim != 2 or array.shape != (len(e), arrays[0].shape[1]):
             raise SysidError(f"{name}: expected {len(e)} samples, time first, got shape {array.shape}")

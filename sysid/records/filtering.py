@@ -30,7 +30,8 @@ def prefilter(data: IOData, numerator: ArrayLike, denominator: ArrayLike = 1.0) 
         SysidError: No coefficients, a filter that is not stable, missing samples.
     """
     data = as_record(data)
-    b, a = (np.atleast_1d(real_array(n, v)) for n, v in (("numerator", numerator), ("denominator", denominator)))
+    b = np.atleast_1d(real_array("numerator", numerator))
+    a = np.atleast_1d(real_array("denominator", denominator))
     if b.ndim != 1 or a.ndim != 1 or b.size == 0 or a.size == 0 or a[0] == 0.0:
         raise SysidError(f"expected two rows of coefficients, the denominator's first not zero, got {b} and {a}")
     radius = float(np.abs(np.roots(a)).max(initial=0.0))
@@ -70,9 +71,10 @@ def keep_band(data: IOData, low_hz: float = 0.0, high_hz: float = np.inf) -> IOD
     f = scipy.fft.rfftfreq(len(data), data.dt)
     in_band = (f >= low_hz) & (f <= high_hz)
     if not in_band.any():
+        step = f[1] if len(f) > 1 else 0.0
         raise SysidError(
             f"no frequency of the record lies in {low_hz} to {high_hz} Hz; they are 0 to {f[-1]:.6g} Hz in steps of "
-            f"{f[1] if len(f) > 1 else 0.0:.6g} Hz"
+            f"{step:.6g} Hz"
         )
     _refuse_gaps(data)
 

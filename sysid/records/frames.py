@@ -1,9 +1,9 @@
 """Records from pandas tables and xarray data sets."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -47,20 +47,21 @@ def from_dataframe(
         raise SysidError(f"expected a pandas DataFrame, got {type(frame).__name__}")
     if not frame.columns.is_unique or frame.index.nlevels > 1:
         raise SysidError("expected columns of different names, and an index of time alone")
-    index, of = frame.index, frame.attrs.get("columns", {})
+    index, attributes = frame.index, frame.attrs.get("columns", {})
     if isinstance(index, pandas.DatetimeIndex) and index.tz is not None:
         index = index.tz_convert(None)
-    columns = {
-        str(name): column.to_numpy(float, na_value=np.nan)
-        if pandas.api.types.is_numeric_dtype(column) and not pandas.api.types.is_complex_dtype(column)
-        else column
-        for name, column in frame.items()
-    }
-    dataset = xarray.Dataset(
-        {name: ("time", values, of.get(name, {})) for name, values in columns.items()},
-        {} if isinstance(index, pandas.RangeIndex) else {"time": ("time", index.to_numpy(), of.get("time", {}))},
-        frame.attrs,
-    )
+    variables: dict[str, Any] = {}
+    for label, column in frame.items():
+        name = str(label)
+        values: Any = column
+        if pandas.api.types.is_numeric_dtype(column) and not pandas.api.types.is_complex_dtype(column):
+            # Nullable types of pandas have NA where others have NaN.
+            values = column.to_numpy(float, na_value=np.nan)
+        variables[name] = ("time", values, attributes.get(name, {}))
+    coordinates = {}
+    if not isinstance(index, pandas.RangeIndex):
+        coordinates["time"] = ("time", index.to_numpy(), attributes.get("time", {}))
+    dataset = xarray.Dataset(variables, coordinates, frame.attrs)
     return from_xarray(dataset, inputs=inputs, outputs=outputs, dt=dt, missing=missing)
 
 
@@ -92,33 +93,50 @@ def from_xarray(
     if not isinstance(dataset, xarray.Dataset):
         raise SysidError(f"expected an xarray Dataset, got {type(dataset).__name__}")
     u, y = _chosen(dataset, "input", inputs), _chosen(dataset, "output", outputs)
-    arrays = {str(name): one for name, one in dataset.items() if one.dtype.kind in "biufc" and one.ndim == 1}
-    axes = {arrays[name].dims[0] for name in (*u, *y) if name in arrays}
+    arrays: dict[str, Any] = {}
+    for name, array in dataset.items():
+        if array.dtype.kind in "biufc" and array.ndim == 1:
+            arrays[str(name)] = array
+    channels = [arrays[name] for name in (*u, *y) if name in arrays]
+    axes = {channel.dims[0] for channel in channels}
     if len(axes) > 1:
         raise SysidError(f"expected variables over one dimension, time, got {', '.join(map(str, axes))}")
     time = str(next(iter(axes), ""))
-    arrays |= {time: dataset[time]} if time in dataset.coords else {}
-    attributes, units = dataset.attrs, {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}
+    if time in dataset.coords:
+        arrays[time] = dataset[time]
+    attributes = dataset.attrs
+    units = {name: str(array.attrs.get("units", "")) for name, array in arrays.items()}
+    time_name = time if time in arrays else None
+    interval = dt if dt is not None else attributes.get("dt")
     choice = Choice(
         inputs=u,
         outputs=y,
-        time=time if time in arrays else None,
+        time=time_name,
         time_unit=None,
-        dt=dt if dt is not None else attributes.get("dt"),
+        dt=interval,
         missing=missing or bool(attributes.get("missing", False)),
     )
     columns = {name: array.to_numpy() for name, array in arrays.items()}
     (record,) = records_of(columns, choice, Path(attributes.get("name") or "table"), units=units)
-    offsets = [[arrays[name].attrs["offset"] for name in names if "offset" in arrays[name].attrs] for names in (u, y)]
+    input_offset, output_offset = _offsets(arrays, u), _offsets(arrays, y)
+    has_offsets = bool(input_offset or output_offset)
+    # The importer counts times from the first sample.
+    start = float(columns[time][0]) if units.get(time) == "s" else 0.0
     return replace(
         record,
-        input_offset=np.array(offsets[0]) if any(offsets) else None,
-        output_offset=np.array(offsets[1]) if any(offsets) else None,
-        start=record.start + (float(columns[time][0]) if units.get(time) == "s" else 0.0),
+        input_offset=np.array(input_offset) if has_offsets else None,
+        output_offset=np.array(output_offset) if has_offsets else None,
+        start=record.start + start,
         name=attributes.get("name", ""),
         window=attributes.get("window", 0),
         intersample=attributes.get("intersample", "zoh"),
     )
+
+
+def _offsets(arrays: Mapping[str, Any], names: Sequence[str]) -> list[float]:
+    """Operating points of channels, of those that have one."""
+    attributes = [arrays[name].attrs for name in names]
+    return [of_channel["offset"] for of_channel in attributes if "offset" in of_channel]
 
 
 def _chosen(dataset: "xarray.Dataset", role: str, names: Sequence[str] | None) -> tuple[str, ...]:

@@ -70,8 +70,8 @@ def read_signals(
             for topic, at, message in log.messages(topics):
                 logged[topic].append(at)
                 headers[topic].append(_header_stamp(message))
-                for field, (own, steps) in paths.items():
-                    if own == topic:
+                for field, (topic_of_field, steps) in paths.items():
+                    if topic_of_field == topic:
                         values[field].append(_value(message, steps, field, file))
     except (SysidError, MemoryError):
         raise
@@ -80,8 +80,8 @@ def read_signals(
             f"{file.name}: logs of messages need mcap and rosbags: pip install 'hmtb-twin[logs]'"
         ) from error
     except Exception as error:  # what the libraries raise on damaged files follows no rule
-        text = shortened(str(error), 200) or type(error).__name__
-        raise SysidError(f"{file.name}: {DAMAGED} ({text})") from error
+        reason = shortened(str(error), 200) or type(error).__name__
+        raise SysidError(f"{file.name}: {DAMAGED} ({reason})") from error
     if empty := [topic for topic in topics if not logged[topic]]:
         raise SysidError(f"{file.name}: no messages of {listed(empty)}")
     # Stamps of two clocks have no common beginning: all topics have headers, or none is used.
@@ -94,16 +94,25 @@ def read_signals(
     origin = min(ticks[topic][0] for topic in topics)
     times = {topic: _seconds(ticks[topic], origin, topic, file) for topic in topics}
 
-    def signal(field: str) -> Signal:
-        if len({np.shape(value) for value in values[field]}) > 1:
-            raise SysidError(f"{file.name}: {field} has vectors of several lengths; expected one")
-        table = np.array(values[field], dtype=np.float64).reshape(len(values[field]), -1)
-        several = np.shape(values[field][0]) != ()
-        names = tuple(f"{field}[{k}]" for k in range(table.shape[1])) if several else (field,)
-        return Signal(times[paths[field][0]], table, names, ("",) * len(names))
+    remark = "stamps are the times of logging"
+    if ticks is headers:
+        remark = "stamps are those of the headers"
 
-    remark = f"stamps are {'those of the headers' if ticks is headers else 'the times of logging'}"
+    def signal(field: str) -> Signal:
+        topic, _ = paths[field]
+        return _field_signal(field, values[field], times[topic], file)
+
     return [signal(field) for field in inputs], [signal(field) for field in outputs], remark
+
+
+def _field_signal(field: str, values: Sequence[Any], times: FloatArray, file: Path) -> Signal:
+    """Values of a field as channels: one, or one for each element of a vector."""
+    if len({np.shape(value) for value in values}) > 1:
+        raise SysidError(f"{file.name}: {field} has vectors of several lengths; expected one")
+    table = np.array(values, dtype=np.float64).reshape(len(values), -1)
+    is_vector = np.shape(values[0]) != ()
+    names = tuple(f"{field}[{k}]" for k in range(table.shape[1])) if is_vector else (field,)
+    return Signal(times, table, names, ("",) * len(names))
 
 
 def _seconds(ticks: Sequence[int], origin: int, topic: str, file: Path) -> FloatArray:
@@ -132,10 +141,13 @@ def _value(message: Any, steps: Sequence[str], field: str, file: Path) -> Any:
     value = message
     try:
         for step in steps:
-            if not isinstance(value, dict) and hasattr(value, "__len__"):
-                value = value[int(step) if step.isdigit() else list(_part(message, "name")).index(step)]
+            if isinstance(value, dict) or not hasattr(value, "__len__"):
+                value = _field(value, step)
+            elif step.isdigit():
+                value = value[int(step)]
             else:
-                value = _part(value, step)
+                # A JointState has the names of its joints in a vector beside those of their values.
+                value = value[list(_field(message, "name")).index(step)]
         array = np.asarray(value)
     except (KeyError, AttributeError, IndexError, ValueError):
         array = np.empty(0, dtype=object)
@@ -144,7 +156,7 @@ def _value(message: Any, steps: Sequence[str], field: str, file: Path) -> Any:
     return value if array.ndim == 0 else array
 
 
-def _part(value: Any, name: str) -> Any:
+def _field(value: Any, name: str) -> Any:
     return value[name] if isinstance(value, dict) else getattr(value, name)
 
 
@@ -156,18 +168,21 @@ def _fields(value: Any, prefix: str = "") -> Iterator[str]:
         if len(value) and isinstance(value[0], int | float | np.number):
             yield f"{prefix.lstrip('.')}[0..{len(value) - 1}]"
     else:
-        for name, part in (value if isinstance(value, dict) else getattr(value, "__dict__", {})).items():
+        members = value if isinstance(value, dict) else getattr(value, "__dict__", {})
+        for name, member in members.items():
             if not name.startswith("_"):
-                yield from _fields(part, f"{prefix}.{name}")
+                yield from _fields(member, f"{prefix}.{name}")
 
 
 def _header_stamp(message: Any) -> int:
     """Stamp of the header in ns; 0 without one."""
     try:
-        stamp = _part(_part(message, "header"), "stamp")
+        stamp = _field(_field(message, "header"), "stamp")
         names = stamp if isinstance(stamp, dict) else dir(stamp)
-        rest = next(name for name in ("nanosec", "nsec", "nsecs") if name in names)
-        return int(_part(stamp, "sec" if "sec" in names else "secs")) * 10**9 + int(_part(stamp, rest))
+        # ROS 2 has sec and nanosec, ROS 1 secs and nsecs, some JSON sec and nsec.
+        whole = "sec" if "sec" in names else "secs"
+        remainder = next(name for name in ("nanosec", "nsec", "nsecs") if name in names)
+        return int(_field(stamp, whole)) * 10**9 + int(_field(stamp, remainder))
     except (KeyError, AttributeError, StopIteration, TypeError):
         return 0
 
@@ -182,7 +197,7 @@ def _opened(file: Path) -> Iterator[_Log]:
         with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
 
             def bag_messages(topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
-                connections = [one for one in bag.connections if one.topic in topics]
+                connections = [connection for connection in bag.connections if connection.topic in topics]
                 for connection, at, data in bag.messages(connections=connections):
                     yield connection.topic, at, bag.deserialize(data, connection.msgtype)
 
@@ -193,7 +208,8 @@ def _opened(file: Path) -> Iterator[_Log]:
     with file.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)
         summary = reader.get_summary()
-        channels = summary.channels.values() if summary else (one for _, one, _ in reader.iter_messages())
+        # A log that was cut off has no summary: its channels are those of its messages.
+        channels = summary.channels.values() if summary else (channel for _, channel, _ in reader.iter_messages())
         decoders: dict[int, Callable[[bytes], Any]] = {}
 
         def mcap_messages(topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
@@ -209,15 +225,16 @@ def _decoder(schema: Any, channel: Any, file: Path) -> Callable[[bytes], Any]:
     """Function from the bytes of a message to its contents."""
     if channel.message_encoding == "json":
         return json.loads
-    kind = (channel.message_encoding, schema.encoding if schema else "")
-    if kind not in (("cdr", "ros2msg"), ("ros1", "ros1msg")):
+    definition = schema.encoding if schema else ""
+    encoding = (channel.message_encoding, definition)
+    if encoding not in (("cdr", "ros2msg"), ("ros1", "ros1msg")):
         raise SysidError(
-            f"{file.name}: messages of {channel.topic} are encoded by {' '.join(kind)}; expected json, or ROS messages "
-            "with definitions by msg"
+            f"{file.name}: messages of {channel.topic} are encoded by {' '.join(encoding)}; expected json, or ROS "
+            "messages with definitions by msg"
         )
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores.EMPTY)
     store.register(get_types_from_msg(schema.data.decode(), schema.name))
-    read = store.deserialize_cdr if kind[0] == "cdr" else store.deserialize_ros1
+    read = store.deserialize_cdr if encoding[0] == "cdr" else store.deserialize_ros1
     return lambda data: read(data, schema.name)

@@ -29,21 +29,28 @@ class Table:
 
     def text(self) -> str:
         """Lines with aligned columns, a part of them where there are many."""
-        columns = [[head, *(cells[k] for k in self._listed())] for head, cells in self.columns]
-        widths = [max(map(len, column)) for column in columns]
-        sides = [str.rjust if k and column[0] else str.ljust for k, column in enumerate(columns)]
-        padded = [
-            [side(cell, width) for cell in column] for side, column, width in zip(sides, columns, widths, strict=True)
-        ]
+        listed = self._listed()
+        padded = []
+        for position, (head, cells) in enumerate(self.columns):
+            column = [head, *(cells[k] for k in listed)]
+            width = max(map(len, column))
+            # Numbers stand under their heading; the names of the rows and texts begin on the left.
+            is_of_numbers = position > 0 and head
+            padded.append([cell.rjust(width) if is_of_numbers else cell.ljust(width) for cell in column])
         lines = ["  ".join(row).rstrip() for row in zip(*padded, strict=True)]
-        return "\n".join((*lines[0 if lines[0] else 1 :], *self._left_out()))
+        # Columns without headings have no first line.
+        shown = lines if lines[0] else lines[1:]
+        return "\n".join((*shown, *self._left_out()))
 
     def html(self) -> str:
         """The same as an HTML table, texts escaped."""
         head = "".join(f"<th>{html.escape(name)}</th>" for name, _ in self.columns)
-        rows = ("".join(f"<td>{html.escape(cells[k])}</td>" for _, cells in self.columns) for k in self._listed())
-        body = "".join(f"<tr>{row}</tr>" for row in rows)
-        return f"<table><tr>{head}</tr>{body}</table>" + "".join(f"<p>{line}</p>" for line in self._left_out())
+        body = ""
+        for k in self._listed():
+            row = "".join(f"<td>{html.escape(cells[k])}</td>" for _, cells in self.columns)
+            body += f"<tr>{row}</tr>"
+        remarks = "".join(f"<p>{line}</p>" for line in self._left_out())
+        return f"<table><tr>{head}</tr>{body}</table>{remarks}"
 
     def _listed(self) -> NDArray[np.int_]:
         return spaced(len(self.columns[0][1]))
@@ -64,16 +71,22 @@ def spaced(count: int, most: int = LISTED) -> NDArray[np.int_]:
 
 def as_text(parts: Iterable[Part]) -> str:
     """Lines of a printed result, indented below the first paragraph."""
-    first, *rest = (part if isinstance(part, str) else part.text() for part in parts)
-    return "\n".join((first, *(textwrap.indent(text, "  ") for text in rest if text)))
+    first, *rest = [item if isinstance(item, str) else item.text() for item in parts]
+    return "\n".join((first, *(textwrap.indent(paragraph, "  ") for paragraph in rest if paragraph)))
 
 
 def as_html(parts: Iterable[Part], figure: str = "") -> str:
     """The same for a notebook, beside a figure."""
-    pre = '<pre style="white-space:pre-wrap">'
-    shown = (f"{pre}{html.escape(part)}</pre>" if isinstance(part, str) else part.html() for part in parts if part)
+    shown = ""
+    for item in parts:
+        if isinstance(item, str) and not item:
+            continue
+        if isinstance(item, str):
+            shown += f'<pre style="white-space:pre-wrap">{html.escape(item)}</pre>'
+        else:
+            shown += item.html()
     style = "display:flex;flex-wrap:wrap;align-items:flex-start;gap:1em"
-    return f'<div style="{style}"><div>{"".join(shown)}</div>{figure}</div>'
+    return f'<div style="{style}"><div>{shown}</div>{figure}</div>'
 
 
 def number(value: Any) -> str:
@@ -85,9 +98,9 @@ def number(value: Any) -> str:
     return "–" if np.isnan(value) else f"{value + 0.0:.5g}"
 
 
-def counted(count: int, what: str) -> str:
+def counted(count: int, noun: str) -> str:
     """A number of things: 1 sample, 2 samples."""
-    return f"{count} {what}{'s' * (count != 1)}"
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def numbers(values: ArrayLike) -> list[str]:
@@ -108,22 +121,28 @@ def _uncertain(value: float, deviation: float) -> str:
         digits = max(1 - last, 0)
         return f"{round(value, digits) + 0.0:.{digits}f} ± {deviation:.{digits}f}"
     size = int(np.floor(np.log10(abs(value)))) if value else last
-    return f"{value:#.{min(max(size - last + 2, 2), 7)}g} ± {deviation:#.2g}"
+    digits = min(max(size - last + 2, 2), 7)
+    return f"{value:#.{digits}g} ± {deviation:#.2g}"
 
 
 def matrix_table(name: str, values: NDArray[Any], rows: Sequence[str], columns: Sequence[str]) -> Table:
     """A matrix with names of its rows and columns, some of them where there are many."""
     listed = spaced(len(columns), WIDEST)
-    part = f" ({WIDEST} of {len(columns)} columns)" if len(columns) > WIDEST else ""
-    return Table([(f"{name}{part}", rows), *((columns[j], numbers(values[:, j])) for j in listed)])
+    remark = f" ({WIDEST} of {len(columns)} columns)" if len(columns) > WIDEST else ""
+    return Table([(f"{name}{remark}", rows), *((columns[j], numbers(values[:, j])) for j in listed)])
 
 
 def polynomial(name: str, coefficients: ArrayLike) -> str:
     """Coefficients of falling powers 1, q^-1, q^-2, ... as a sum, on lines that break between its terms."""
-    terms = [(float(c), k) for k, c in enumerate(np.asarray(coefficients)) if c]
-    signs = [("-" if c < 0.0 else "+") + f"\xa0{number(abs(c))}" + (f"\xa0q^-{k}" if k else "") for c, k in terms]
-    text = " ".join(signs).removeprefix("+\xa0") or "0"
-    lines = textwrap.wrap(f"{name}(q) = {text}", WIDTH, subsequent_indent=" " * (len(name) + 6), max_lines=4)
+    terms = []
+    for power, coefficient in enumerate(np.asarray(coefficients)):
+        if coefficient:
+            sign = "-" if coefficient < 0.0 else "+"
+            # Within a term, spaces that do not break; `textwrap` breaks between terms.
+            term = f"{sign}\xa0{number(abs(float(coefficient)))}"
+            terms.append(f"{term}\xa0q^-{power}" if power else term)
+    total = " ".join(terms).removeprefix("+\xa0") or "0"
+    lines = textwrap.wrap(f"{name}(q) = {total}", WIDTH, subsequent_indent=" " * (len(name) + 6), max_lines=4)
     return "\n".join(lines).replace("\xa0", " ")
 
 
@@ -134,12 +153,18 @@ def poles_table(poles: NDArray[np.complex128], dt: float) -> Table:
     with np.errstate(divide="ignore", invalid="ignore"):
         s = np.log(upper) / dt
         columns = (np.abs(s) / (2.0 * np.pi), -s.real / np.abs(s), -1.0 / s.real)
-    roots = [f"{number(z.real)} ± {number(z.imag)}j" if z.imag else number(z.real) for z in upper]
-    count = int(zero.sum())
-    delays = [f"0 ({count} times)" if count > 1 else "0"] if count else []
+    roots = []
+    for pole in upper:
+        pair = f"{number(pole.real)} ± {number(pole.imag)}j"
+        roots.append(pair if pole.imag else number(pole.real))
     heads = ("natural frequency / Hz", "damping", "time constant / s")
-    cells = [(head, [*numbers(values), *("–" for _ in delays)]) for head, values in zip(heads, columns, strict=True)]
-    return Table([("pole (z plane)", [*roots, *delays]), *cells])
+    cells = [numbers(values) for values in columns]
+    # Poles at zero are delays: their logarithm is infinite.
+    if count := int(zero.sum()):
+        roots.append(f"0 ({count} times)" if count > 1 else "0")
+        for column in cells:
+            column.append("–")
+    return Table([("pole (z plane)", roots), *zip(heads, cells, strict=True)])
 
 
 def tables(variables: Mapping[str, Any], coordinates: Mapping[str, Any]) -> list[Part]:
@@ -149,29 +174,48 @@ def tables(variables: Mapping[str, Any], coordinates: Mapping[str, Any]) -> list
         variables: Arrays by name as (tuple of axes, values, attributes), deviations with the name NAME_deviation.
         coordinates: Labels of every axis, or (axis, values, attributes); the first axis is that of the rows.
     """
-    (axis, first), *others = coordinates.items()
+    (axis, first), *path_axes = coordinates.items()
     _, points, attributes = first if isinstance(first, tuple) else (axis, first, {})
     points = np.asarray(points)
+    rows = _listed_rows(axis, points)
+    paths = list(np.ndindex(*(len(labels) for _, labels in path_axes)))
+    printed: list[Part] = []
+    for path in paths[:PATHS]:
+        indices = {name: k for (name, _), k in zip(path_axes, path, strict=True)}
+        if path_axes:
+            printed.append(", ".join(f"{name} {labels[indices[name]]}" for name, labels in path_axes))
+        first_column = (_with_unit(axis, attributes), numbers(points[rows]))
+        printed.append(Table([first_column, *_columns_of_path(variables, rows, indices)]))
+    if len(paths) > PATHS:
+        printed.append(f"... {len(paths)} tables, all in to_dataframe()")
+    if len(rows) < len(points):
+        printed.append(f"({len(rows)} of {len(points)} rows)")
+    return printed
+
+
+def _listed_rows(axis: str, points: NDArray[Any]) -> NDArray[np.int_]:
+    """Indices of the rows to print: evenly spaced, over frequency by equal ratios."""
     rows = spaced(len(points))
     if axis == "frequency" and len(rows) < len(points):
-        spread = np.searchsorted(points, np.geomspace(points[points > 0.0].min(), points.max(), len(rows)))
-        rows = np.unique(np.minimum(spread, len(points) - 1))
-    paths = list(np.ndindex(*(len(labels) for _, labels in others)))
-    parts: list[Part] = []
-    for path in paths[:PATHS]:
-        place = {name: k for (name, _), k in zip(others, path, strict=True)}
-        parts += [", ".join(f"{name} {labels[place[name]]}" for name, labels in others)] if others else []
-        columns = [(_with_unit(axis, attributes), numbers(points[rows]))]
-        for name, (axes, values, *further) in variables.items():
-            if np.iscomplexobj(values) or name.endswith("_deviation"):
-                continue
-            entries = (rows, *(place[other] for other in axes[1:]))
-            cells, errors = np.asarray(values)[entries], variables.get(f"{name}_deviation")
-            head = _with_unit(name.replace("_", " "), *further)
-            columns.append((head, numbers(cells) if errors is None else uncertain(cells, errors[1][entries])))
-        parts.append(Table(columns))
-    parts += [f"... {len(paths)} tables, all in to_dataframe()"] if len(paths) > PATHS else []
-    return parts + ([f"({len(rows)} of {len(points)} rows)"] if len(rows) < len(points) else [])
+        wanted = np.geomspace(points[points > 0.0].min(), points.max(), len(rows))
+        rows = np.unique(np.minimum(np.searchsorted(points, wanted), len(points) - 1))
+    return rows
+
+
+def _columns_of_path(
+    variables: Mapping[str, Any], rows: NDArray[np.int_], indices: Mapping[str, int]
+) -> list[tuple[str, list[str]]]:
+    """Headings and cells of all real variables, at the indices of the axes behind the first."""
+    columns = []
+    for name, (axes, values, *further) in variables.items():
+        if np.iscomplexobj(values) or name.endswith("_deviation"):
+            continue
+        selected: Any = (rows, *(indices[axis] for axis in axes[1:]))
+        cells = np.asarray(values)[selected]
+        deviation = variables.get(f"{name}_deviation")
+        shown = numbers(cells) if deviation is None else uncertain(cells, deviation[1][selected])
+        columns.append((_with_unit(name.replace("_", " "), *further), shown))
+    return columns
 
 
 def _with_unit(name: str, attributes: Mapping[str, Any] = MappingProxyType({})) -> str:
@@ -180,11 +224,11 @@ def _with_unit(name: str, attributes: Mapping[str, Any] = MappingProxyType({})) 
 
 def fields_table(fields: Mapping[str, Any]) -> list[Part]:
     """A table of names and values; long arrays by their shape and range."""
-    values = {
-        name.replace("_", " "): textwrap.shorten(brief(value, 16), WIDTH, placeholder=" ...")
-        for name, value in fields.items()
-        if value is not None and not (isinstance(value, tuple) and not value)
-    }
+    values: dict[str, str] = {}
+    for name, value in fields.items():
+        is_empty = isinstance(value, tuple) and not value
+        if value is not None and not is_empty:
+            values[name.replace("_", " ")] = textwrap.shorten(brief(value, 16), WIDTH, placeholder=" ...")
     return [Table([("", list(values)), ("", list(values.values()))])] if values else []
 
 
@@ -200,8 +244,10 @@ def brief(value: Any, most: int) -> str:
             return f"<{shape}>"
         return f"<{shape}, {number(np.nanmin(value))} to {number(np.nanmax(value))}>"
     if isinstance(value, tuple):
-        plain = len(value) <= most and all(isinstance(part, str | float | int | np.ndarray) for part in value)
-        return f"({', '.join(brief(part, most) for part in value)})" if plain else f"<{len(value)}>"
+        is_plain = all(isinstance(item, str | float | int | np.ndarray) for item in value)
+        if len(value) > most or not is_plain:
+            return f"<{len(value)}>"
+        return f"({', '.join(brief(item, most) for item in value)})"
     if isinstance(value, Mapping):
         return f"<{len(value)}>"
     if isinstance(value, str | int | float | complex | np.generic):

@@ -5,6 +5,7 @@ import csv
 import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -35,16 +36,7 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
     """
     import pandas as pd
 
-    with file.open("rb") as stream:
-        marked = stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-    for encoding in ("utf-16",) if marked else ("utf-8-sig", "cp1252"):
-        try:
-            names, separator, decimal, skipped = _layout(file, encoding, expected)
-            break
-        except UnicodeDecodeError:
-            continue
-    else:
-        raise SysidError(f"{file.name}: not a text file; expected columns {', '.join(expected)}")
+    names, separator, decimal, skipped, encoding = _decoded_layout(file, expected)
     if repeated := [name for name in (*expected, *filter(is_time, names)) if names.count(name) > 1]:
         raise SysidError(f"{file.name}: {names.count(repeated[0])} columns are named {repeated[0]!r}; expected one")
 
@@ -71,33 +63,54 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
     except (ValueError, OSError) as error:
         raise SysidError(f"{file.name}: not a table of columns {', '.join(expected)} ({error})") from error
     columns: dict[str, Column] = {}
-    for name, number in zip(names, table, strict=True):
-        cells = table[number]
-        if cells.dtype.kind in "biuf":
-            columns[name] = cells.to_numpy()
-            continue
-        first = CLOCK_TIME.match(str(cells.iloc[0]))
-        if not first and name not in expected and not is_time(name):
-            continue
-        if not first:
-            values = pd.to_numeric(cells, errors="coerce")
-        elif first[1]:
-            values = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce").dt.tz_localize(None)
-        else:
-            values = pd.to_timedelta(cells, errors="coerce")
-        bad = np.flatnonzero(values.isna() & (cells.notna() | bool(first)))
-        if len(bad):
-            what = f"could not convert {str(cells.iloc[bad[0]])!r} in column {name!r}"
-            kinds = READ_TIMES if first else f"numbers or {READ_TIMES}" if is_time(name) else "numbers"
-            if bad[0] == 0 and len(cells) > 1 and _is_value(str(cells.iloc[1])):
-                kinds += "; delete a row of units (the unit of times is in their name, 'Time (ms)', or in time_unit)"
-            elif not first and name not in expected:
-                columns[name] = cells.astype(str).to_numpy(str)
-                continue
-            text = f"{file.name}, {place(int(bad[0]))}: {what}; expected {kinds}"
-            raise SysidError(Message(text, "not-a-number", time_unit=", or in time_unit"))
-        columns[name] = values.to_numpy()
+    for name, position in zip(names, table, strict=True):
+        values = _column(name, table[position], expected, place, file)
+        if values is not None:
+            columns[name] = values
     return columns, place
+
+
+def _decoded_layout(file: Path, expected: Sequence[str]) -> tuple[list[str], str | None, str, list[int], str]:
+    """The layout of a file, and the encoding in which it can be read."""
+    with file.open("rb") as stream:
+        is_utf_16 = stream.read(2) in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+    # UTF-8 first: every byte but five is a character of the Windows set, which would hide it.
+    for encoding in ("utf-16",) if is_utf_16 else ("utf-8-sig", "cp1252"):
+        try:
+            return *_layout(file, encoding, expected), encoding
+        except UnicodeDecodeError:
+            continue
+    raise SysidError(f"{file.name}: not a text file; expected columns {', '.join(expected)}")
+
+
+def _column(name: str, cells: Any, expected: Sequence[str], place: Place, file: Path) -> Column | None:
+    """Numbers, times or, in a column with the name of a time, texts; None of other columns of texts."""
+    import pandas as pd
+
+    if cells.dtype.kind in "biuf":
+        return cells.to_numpy()
+    time = CLOCK_TIME.match(str(cells.iloc[0]))
+    if not time and name not in expected and not is_time(name):
+        return None
+    if not time:
+        values = pd.to_numeric(cells, errors="coerce")
+    elif time[1]:
+        values = pd.to_datetime(cells, format="ISO8601", utc=True, errors="coerce").dt.tz_localize(None)
+    else:
+        values = pd.to_timedelta(cells, errors="coerce")
+    bad = np.flatnonzero(values.isna() & (cells.notna() | bool(time)))
+    if not len(bad):
+        return values.to_numpy()
+    wanted = f"numbers or {READ_TIMES}" if is_time(name) else "numbers"
+    if time:
+        wanted = READ_TIMES
+    if bad[0] == 0 and len(cells) > 1 and _is_value(str(cells.iloc[1])):
+        wanted += "; delete a row of units (the unit of times is in their name, 'Time (ms)', or in time_unit)"
+    elif not time and name not in expected:
+        return cells.astype(str).to_numpy(str)
+    problem = f"could not convert {str(cells.iloc[bad[0]])!r} in column {name!r}"
+    message = f"{file.name}, {place(int(bad[0]))}: {problem}; expected {wanted}"
+    raise SysidError(Message(message, "not-a-number", time_unit=", or in time_unit"))
 
 
 def _layout(file: Path, encoding: str, expected: Sequence[str]) -> tuple[list[str], str | None, str, list[int]]:

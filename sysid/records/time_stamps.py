@@ -69,14 +69,18 @@ def time_column(
         if time not in columns or time in channels:
             raise SysidError(f"{file}: no column of times {time!r}; there are {listed([*columns])}")
         return time, "", ()
-    others = {n: v for n, v in columns.items() if n not in channels and v.size > 1 and v.dtype.kind != "U"}
-    named = [name for name, values in others.items() if is_time(name) and not _constant(values)]
+    candidates: dict[str, Column] = {}
+    for name, values in columns.items():
+        if name not in channels and values.size > 1 and values.dtype.kind != "U":
+            candidates[name] = values
+    named = [name for name, values in candidates.items() if is_time(name) and not _constant(values)]
     if named:
         return named[0], "", ()
-    clocks = [name for name, values in others.items() if _is_clock(values)]
+    clocks = [name for name, values in candidates.items() if _is_clock(values)]
     if stated is not None:
         # Of a .mat file only vectors as long as the channels tell of their samples.
-        clocks = [name for name in clocks if len(columns[name]) == max(len(columns[one]) for one in channels)]
+        samples = max(len(columns[channel]) for channel in channels)
+        clocks = [name for name in clocks if len(columns[name]) == samples]
         for name in clocks:
             if unit := _unit_of_steps(name, columns[name], stated):
                 return name, unit, (f"times are column {name!r}, in {unit}: it increases by the stated interval",)
@@ -100,7 +104,8 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
     """
     values = values.ravel()
     if values.dtype.kind in "mM":
-        values, unit = values.astype("datetime64[ns]" if values.dtype.kind == "M" else "m8[ns]").view(np.int64), "ns"
+        nanoseconds = "datetime64[ns]" if values.dtype.kind == "M" else "m8[ns]"
+        values, unit = values.astype(nanoseconds).view(np.int64), "ns"
     elif values.dtype.kind not in "iuf":
         raise SysidError(f"{file}: column {name!r} holds no times; expected numbers or times as 2026-01-31T12:00:00.5")
     if values.dtype.kind == "f" and not np.isfinite(values).all():
@@ -120,12 +125,22 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
         )
     remarks: tuple[str, ...] = ()
     if not unit:
-        epochs = (one for one in ("s", "ms", "us", "ns") if EPOCH[0] <= float(values[0]) * SECONDS[one] <= EPOCH[1])
-        if known := next(epochs, None):
-            remarks = (f"times in column {name!r} are taken for {known} since 1970, by their size",)
-        unit = known or "s"
-    numbers: FloatArray = (values - values[0]).astype(np.float64)
-    return Stamps(np.asarray(numbers * SECONDS[unit]), _resolution(numbers) * SECONDS[unit], remarks)
+        unit = _epoch_unit(float(values[0]))
+        if unit:
+            remarks = (f"times in column {name!r} are taken for {unit} since 1970, by their size",)
+        else:
+            unit = "s"
+    # The difference first: float64 rounds nanoseconds since 1970 to hundreds of them.
+    elapsed: FloatArray = (values - values[0]).astype(np.float64)
+    return Stamps(np.asarray(elapsed * SECONDS[unit]), _resolution(elapsed) * SECONDS[unit], remarks)
+
+
+def _epoch_unit(stamp: float) -> str:
+    """Unit in which a stamp since 1970 lies in the years of `EPOCH`; empty if there is none."""
+    for unit in ("s", "ms", "us", "ns"):
+        if EPOCH[0] <= stamp * SECONDS[unit] <= EPOCH[1]:
+            return unit
+    return ""
 
 
 def is_time(name: str) -> bool:
@@ -141,18 +156,18 @@ def interval_unit(name: str) -> float | None:
 
 def _name_and_unit(name: str) -> tuple[str, str]:
     """Split `Time (s)`, `t[ms]`, `time_s`, `log.time / s` or `%time` into name and unit, lower case."""
-    text = name.strip().lower().rpartition(".")[2].strip("% ").replace("time_stamp", "timestamp")
-    match = re.fullmatch(r"([a-z]+)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]]|(?:_|\s*/\s*|\s+)([a-zµμ]+))?", text)
+    label = name.strip().lower().rpartition(".")[2].strip("% ").replace("time_stamp", "timestamp")
+    match = re.fullmatch(r"([a-z]+)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]]|(?:_|\s*/\s*|\s+)([a-zµμ]+))?", label)
     if match is None:
-        return text, ""
+        return label, ""
     return match[1], match[2] or match[3] or ""
 
 
-def _resolution(numbers: FloatArray) -> float:
+def _resolution(elapsed: FloatArray) -> float:
     """Largest power of ten that increasing numbers, of which the first is 0, are multiples of; 0 if there is none."""
-    largest = np.floor(np.log10(np.diff(numbers).min(initial=numbers[-1])))
+    largest = np.floor(np.log10(np.diff(elapsed).min(initial=elapsed[-1])))
     for exponent in np.arange(largest, largest - MOST_DIGITS, -1.0):
-        multiples = numbers / 10.0**exponent
+        multiples = elapsed / 10.0**exponent
         if np.abs(multiples - np.rint(multiples)).max() < ROUNDED:
             return float(10.0**exponent)
     return 0.0
@@ -160,12 +175,16 @@ def _resolution(numbers: FloatArray) -> float:
 
 def _unit_of_steps(name: str, values: Column, interval: float) -> str:
     """Unit in which a clock goes on by an interval in s; empty if there is none."""
-    texts = values.dtype.kind == "M"
-    numbers = values.ravel().astype("datetime64[ns]").view(np.int64) if texts else values.ravel().astype(np.float64)
-    own = "ns" if texts else _name_and_unit(name)[1]
-    step = float(np.median(np.diff(numbers)))
-    units = (own,) if own in SECONDS else ("s", "ms", "us", "ns")
-    return next((unit for unit in units if abs(step * SECONDS[unit] - interval) <= MATCHING * interval), "")
+    times: NDArray[Any]
+    if values.dtype.kind == "M":
+        times, named_unit = values.ravel().astype("datetime64[ns]").view(np.int64), "ns"
+    else:
+        times, named_unit = values.ravel().astype(np.float64), _name_and_unit(name)[1]
+    step = float(np.median(np.diff(times)))
+    for unit in (named_unit,) if named_unit in SECONDS else ("s", "ms", "us", "ns"):
+        if abs(step * SECONDS[unit] - interval) <= MATCHING * interval:
+            return unit
+    return ""
 
 
 def _constant(values: Column) -> bool:
