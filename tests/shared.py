@@ -26,8 +26,13 @@ MAKERS = ("tests/conftest.py", "tests/shared.py", "tests/scenarios/conftest.py")
 
 T = TypeVar("T")
 
-# Read-only mappings of our records, which Python does not pickle.
-copyreg.pickle(MappingProxyType, lambda mapping: (MappingProxyType, (dict(mapping),)))
+
+def read_only(items: dict[object, object]) -> MappingProxyType[object, object]:
+    """A read-only mapping, as records hold them; Python pickles neither these nor their class."""
+    return MappingProxyType(items)
+
+
+copyreg.pickle(MappingProxyType, lambda mapping: (read_only, (dict(mapping),)))
 
 
 @cache
