@@ -68,18 +68,21 @@ FIELDS = (
 def drive(values: dict[str, Any]) -> Drive:
     """The drive that the fields describe, with a stick of its own; raises `ScenarioError` if they describe none."""
     values = dict(values)
-    mode, chosen, worksite = values["mode"], values.pop("axes"), values["place"] == WORKSITE
+    mode, chosen = values["mode"], values.pop("axes")
+    worksite = values["place"] == WORKSITE
     # Another mode may have other axes: then all of its own.
     axes = tuple(chosen.split(", ")) if chosen in axis_choices(mode)[1:] else axis_names(mode)
+    # A circuit compensates the bias where the tool is steered [Morris1996, sec. II.3B].
+    hand_controller = load("rpcm").hand_controller if mode.startswith("cartesian") else HAND_CONTROLLER
+    chain = Chain() if values.pop("imperfect") else IDEAL
     return Drive(
         name="drive",
         axes=axes,
         excitation=(),
         payload=PLACES[values.pop("place")],
         worksite=worksite,
-        chain=Chain() if values.pop("imperfect") else IDEAL,
-        # A circuit compensates the bias where the tool is steered [Morris1996, sec. II.3B].
-        hand_controller=load("rpcm").hand_controller if mode.startswith("cartesian") else HAND_CONTROLLER,
+        chain=chain,
+        hand_controller=hand_controller,
         stick=Stick(axes, grip=not worksite),
         **values,
     )
@@ -106,14 +109,16 @@ class DriveTab:
         self._lock = last._lock if last else threading.RLock()
         self.drive: Drive | None = last.drive if last else None
         self.name: str = last.name if last else ""
-        self._moving, self._drawn = last is not None and last._moving, 0.0
+        self._moving = last is not None and last._moving
+        self._drawn = 0.0
         self._setup = gui.add_folder("What is driven")
         with self._setup:
             self._form = Form(gui, FIELDS, drive, self._changed)
         with gui.add_folder("Drive"):
             self._build_buttons()
         self._displays = gui.add_html("")
-        self._outcome = gui.add_html(last._outcome.content if last else "")
+        outcome = last._outcome.content if last else ""
+        self._outcome = gui.add_html(outcome)
         volts = last.volts.value if last else 2.0
         self.volts = gui.add_slider("deflection / V", 0.1, HAND_CONTROLLER.adc_range, 0.1, volts)
         self._pad = StickPad(gui, self._push)
@@ -172,9 +177,11 @@ class DriveTab:
         driven, idle = self.drive is not None, not moving
         gripping = self.drive is not None and self.drive.worksite
         self._setup.visible = not driven
-        shown = (idle, moving, gripping, gripping, driven, driven, *3 * [idle and bool(self.name)])
-        for button, visible in zip(self.buttons.values(), shown, strict=True):
-            button.visible = visible
+        recorded = idle and bool(self.name)
+        # In the sequence of the buttons: drive, end, close, open, shutdown, power on, replay, save, download.
+        visible = (idle, moving, gripping, gripping, driven, driven, recorded, recorded, recorded)
+        for button, is_visible in zip(self.buttons.values(), visible, strict=True):
+            button.visible = is_visible
 
     def _begin(self) -> None:
         station = self._station
@@ -201,8 +208,9 @@ class DriveTab:
         self._forces.clear()
 
     def _free_name(self) -> str:
-        records, names = self._station.session.records, (f"drive-{number}" for number in count(1))
-        return next(one for one in names if one not in records and not self._file(one).exists())
+        records = self._station.session.records
+        names = (f"drive-{k}" for k in count(1))
+        return next(name for name in names if name not in records and not self._file(name).exists())
 
     def _file(self, name: str) -> Path:
         return self._station.session.folder / f"{name}.nc"
@@ -227,16 +235,18 @@ class DriveTab:
         """Keep the record of a drive and say how it went."""
         with self._lock:
             self.drive = None
-            texts = [f"failed: {why}"] if why else []
+            lines = [f"failed: {why}"] if why else []
             phases: list[tuple[str, str, str]] = []
             if log is not None:
                 self.name = self._station.session.keep(log)
                 limited = f"{100 * velocity_limited_share(log):.3g} % of it at a velocity limit"
-                texts.insert(0, f"{self.name}: {len(log) * log.dt:g} s recorded, {limited}")
-                lines, phases = exchange(log)
-                texts += [*map(str, shutdown_intervals(log)), *lines]
-            texts.append(self._station.motion.timing)
-            self._outcome.content = listing(texts) + (table(PHASES, phases) if phases else "")
+                lines.insert(0, f"{self.name}: {len(log) * log.dt:g} s recorded, {limited}")
+                lines += map(str, shutdown_intervals(log))
+                exchange_lines, phases = exchange(log)
+                lines += exchange_lines
+            lines.append(self._station.motion.timing)
+            phase_table = table(PHASES, phases) if phases else ""
+            self._outcome.content = listing(lines) + phase_table
             self._recipe.refresh()
             self._end()
             self._form.update()

@@ -60,13 +60,16 @@ def preview_card(scenario: Scenario) -> PreviewCard:
 
 def axis_choices(scenario: Scenario) -> tuple[str, ...]:
     """Axes of the scenario's mode to choose from, one or several separated by commas; its own first."""
-    every = axis_names(scenario.mode, scenario.variant)
-    several = TRIPLES["cartesian" if scenario.mode.startswith("cartesian") else "joints"]
-    return tuple(dict.fromkeys((", ".join(scenario.axes), *every, ", ".join(several), ", ".join(every))))
+    axes = axis_names(scenario.mode, scenario.variant)
+    choices = (", ".join(scenario.axes), *axes, ", ".join(axes_moved_together(scenario.mode)), ", ".join(axes))
+    return tuple(dict.fromkeys(choices))
 
 
-TRIPLES = {"cartesian": ("x", "y", "z"), "joints": ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")}
-"""Axes that the thesis moved together."""
+def axes_moved_together(mode: str) -> tuple[str, ...]:
+    """Three axes of a mode that the thesis moved together."""
+    if mode.startswith("cartesian"):
+        return ("x", "y", "z")
+    return ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
 
 
 def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
@@ -78,9 +81,11 @@ def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
     """
     values = dict(values)
     volts = values.pop("amplitude", None)
-    axes = tuple(one.strip() for one in values.pop("axes").split(","))
-    if values["mode"] != base.mode and not set(axes) <= set(axis_names(values["mode"])):
-        axes = TRIPLES["cartesian" if values["mode"].startswith("cartesian") else "joints"][:1]
+    axes = tuple(axis.strip() for axis in values.pop("axes").split(","))
+    mode = values["mode"]
+    if mode != base.mode and not set(axes) <= set(axis_names(mode)):
+        # The old mode's axes mean nothing in the new one: the first that the thesis moved is a start.
+        axes = axes_moved_together(mode)[:1]
     shutdown = values.pop("shutdown").replace(",", " ").split()
     try:
         times = tuple(float(time) for time in shutdown)
@@ -104,16 +109,33 @@ class ExperimentTab:
     def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
         self._station, self._client = station, client
         gui = client.gui
-        options = names()
-        own = station.session.scenario.name
-        self._start = gui.add_dropdown("start from", options, initial_value=own if own in options else options[0])
+        options, prepared = names(), station.session.scenario.name
+        first = prepared if prepared in options else options[0]
+        self._start = gui.add_dropdown("start from", options, initial_value=first)
         self._start.on_update(reporting(client, lambda: station.session.prepare(load(self._start.value))))
         self._fields = gui.add_folder("What is done", expand_by_default=True)
         self._build_form()
-        self._run = gui.add_button("Run", color="green")
+        # The tab of a page that was loaded before: a run goes on while its page is loaded again.
         last: Any = station.session.memory.get(self.title)
-        pace = last._speed.value if last and last._running else "real time"
-        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=pace)
+        self._build_run(last)
+        self._build_preview()
+        with gui.add_folder("Scenario file", expand_by_default=False):
+            upload = gui.add_upload_button("Load a scenario file (TOML)")
+            upload.on_upload(reporting(client, lambda: self._load(upload.value.name, upload.value.content)))
+        self._recipe = RecipeView(client, lambda: scenario_recipe(station.session.scenario))
+        self._prepared = station.session.scenario
+        self._previewed: Scenario | None = None
+        station.session.watch(self._refresh)
+        self._take_over(last)
+        self._show_preview()
+
+    def _build_run(self, last: Any) -> None:
+        """Build buttons, progress and strip charts of the live run."""
+        station, client = self._station, self._client
+        gui = client.gui
+        self._run = gui.add_button("Run", color="green")
+        speed = last._speed.value if last and last._running else "real time"
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
         self._progress: Any = gui.add_progress_bar(0.0, visible=False)
         self._state = Message(gui)
         self._emergency = gui.add_button("EMERGENCY SHUTDOWN", color="red", visible=False)
@@ -130,26 +152,25 @@ class ExperimentTab:
             self._tracked = Message(gui)
         self._outcome = gui.add_html("")
         self._save = gui.add_button("Save the log", visible=False)
-        with gui.add_folder("Preview: the commands, before anything moves"):
-            self._preview_state = Message(gui)
-            self._preview_warnings = Message(gui)
-            self._preview = gui.add_html("")
-        with gui.add_folder("Scenario file", expand_by_default=False):
-            upload = gui.add_upload_button("Load a scenario file (TOML)")
-            upload.on_upload(reporting(client, lambda: self._load(upload.value.name, upload.value.content)))
-        self._recipe = RecipeView(client, lambda: scenario_recipe(station.session.scenario))
         self._run.on_click(reporting(client, self._start_run))
         self._stop.on_click(reporting(client, station.motion.stop))
         self._emergency.on_click(reporting(client, lambda: station.motion.switch_power(on=False)))
         self._reset.on_click(reporting(client, lambda: station.motion.switch_power(on=True)))
         self._save.on_click(reporting(client, self._save_log))
+
+    def _build_preview(self) -> None:
+        gui = self._client.gui
+        with gui.add_folder("Preview: the commands, before anything moves"):
+            self._preview_state = Message(gui)
+            self._preview_warnings = Message(gui)
+            self._preview = gui.add_html("")
+
+    def _take_over(self, last: Any) -> None:
+        """Show the run of the tab that this one replaces, which may still go on."""
         self._lock = last._lock if last else threading.RLock()
         self._last: str = last._last if last else ""  # name of the record of the last run
-        self._known = station.session.scenario
-        self._previewed: Scenario | None = None
-        station.session.watch(self._refresh)
-        with self._lock:  # a run goes on while its page is loaded again
-            station.session.memory[self.title] = self
+        with self._lock:
+            self._station.session.memory[self.title] = self
             self._track: LiveTrack | None = None
             if last:
                 self._joint, self._outcome.content = last._joint, last._outcome.content
@@ -157,7 +178,6 @@ class ExperimentTab:
             if self._track:
                 self._track.chart, self._track.message = self._charts[2], self._tracked
             self._buttons(running=last is not None and last._running)
-        self._show_preview()
 
     def _build_form(self) -> None:
         scenario, gui = self._station.session.scenario, self._client.gui
@@ -168,8 +188,11 @@ class ExperimentTab:
             Field("name", "name", scenario.name),
             Field("mode", "mode", scenario.mode, tuple(MODES)),
             Field("axes", "axes", ", ".join(scenario.axes), axis_choices(scenario)),
-            *([Field("amplitude", "amplitude / V", volts)] if volts is not None else []),
-            Field("duration", "duration / s", scenario.duration),
+        ]
+        if volts is not None:
+            fields.append(Field("amplitude", "amplitude / V", volts))
+        fields.append(Field("duration", "duration / s", scenario.duration))
+        fields += [
             Field("payload", "payload", scenario.payload, tuple(PAYLOADS), folder=RARE),
             Field("pose", "pose", scenario.pose, tuple(POSES), folder=RARE),
             Field("variant", "arm", scenario.variant, tuple(VARIANTS), folder=RARE),
@@ -177,10 +200,10 @@ class ExperimentTab:
             Field("shutdown", "shutdowns / s", times, hint=SHUTDOWN_HINT, folder=RARE),
         ]
         with self._fields:
-            kinds = dict.fromkeys(entry.kind for entry in scenario.excitation)
-            words = scenario.task or ", ".join(kinds) or "nothing"
-            by = "an operator does the task" if scenario.task else "the excitation computer plays"
-            gui.add_markdown(f"{by} **{words}**; choose another in the tab Waveform")
+            kinds = dict.fromkeys(excitation.kind for excitation in scenario.excitation)
+            action = scenario.task or ", ".join(kinds) or "nothing"
+            actor = "an operator does the task" if scenario.task else "the excitation computer plays"
+            gui.add_markdown(f"{actor} **{action}**; choose another in the tab Waveform")
             self._form = Form(gui, fields, lambda values: changed_scenario(self._base(), values), self._changed)
             with gui.add_folder("Imperfections of the laboratory", expand_by_default=False):
                 self._chain = {name: gui.add_checkbox(name, on) for name, on in vars(scenario.chain).items()}
@@ -188,33 +211,33 @@ class ExperimentTab:
                     box.on_update(lambda _: self._update())
 
     def _base(self) -> Scenario:
-        return replace(self._known, chain=Chain(**{name: box.value for name, box in self._chain.items()}))
+        return replace(self._prepared, chain=Chain(**{name: box.value for name, box in self._chain.items()}))
 
     def _update(self) -> None:
         self._form.update()
 
     def _changed(self, scenario: Scenario | None) -> None:
-        if scenario is not None and scenario != self._known:
-            rebuild = scenario.mode != self._known.mode
-            self._known = scenario
+        if scenario is not None and scenario != self._prepared:
+            rebuild = scenario.mode != self._prepared.mode
+            self._prepared = scenario
             self._station.session.prepare(scenario)
             if rebuild:
                 self._build_form()
 
     def _refresh(self) -> None:
         scenario = self._station.session.scenario
-        if scenario != self._known:
-            self._known = scenario
+        if scenario != self._prepared:
+            self._prepared = scenario
             self._build_form()
         self._recipe.refresh()
         self._show_preview()
 
     def _load(self, name: str, content: bytes) -> None:
         try:
-            text = content.decode()
+            toml = content.decode()
         except UnicodeDecodeError as error:
             raise ScenarioError(f"{name}: expected a TOML file in UTF-8: {error}") from error
-        self._station.session.prepare(Scenario.from_toml(text, source=name, folder=self._station.session.folder))
+        self._station.session.prepare(Scenario.from_toml(toml, source=name, folder=self._station.session.folder))
 
     def _show_preview(self) -> None:
         scenario, work = self._station.session.scenario, self._station.work
@@ -303,31 +326,41 @@ class ExperimentTab:
 
     def _done(self, log: JointLog | None, why: str | None, scenario: Scenario) -> None:
         self._last = ""
-        texts = [f"failed: {why}"] if why else []
+        lines = [f"failed: {why}"] if why else []
         if log is not None:
             run = Scenario.from_toml(log.provenance["scenario"])
-            whole = len(log) == round(run.duration / log.dt)
             self._last = self._station.session.keep(log)
-            texts.insert(0, f"{self._last}: {len(log) * log.dt:g} s recorded")
-            if whole:
-                judged = review(log, run)
-                clipped, limited = judged.shares()
-                texts.append(f"converter clips {clipped}, command rate-limited {limited}")
-                texts += [str(entry) for entry in ((judged.task,) if judged.task else ()) + judged.shutdowns]
-                texts += [f"warning: {text}" for text in judged.warnings]
+            lines.insert(0, f"{self._last}: {len(log) * log.dt:g} s recorded")
+            # A run that was stopped has no task to judge.
+            if len(log) == round(run.duration / log.dt):
+                lines += _review_lines(log, run)
+            # The buttons added shutdowns while it ran: the scenario becomes what was done.
             if run != scenario and run.shutdown != scenario.shutdown:
                 self._station.session.prepare(run)
-        texts.append(self._station.motion.timing)
+        lines.append(self._station.motion.timing)
         for chart in self._charts[:2]:
             chart.draw()
         if self._track:
             self._track.close()
-        self._outcome.content = listing(texts)
-        self._state.say(f"{scenario.name}: {why}" if why else "")
+        self._outcome.content = listing(lines)
+        failure = f"{scenario.name}: {why}" if why else ""
+        self._state.say(failure)
         self._buttons(running=False)
 
     def _save_log(self) -> None:
         self._station.save(self._last, self._client)
+
+
+def _review_lines(log: JointLog, run: Scenario) -> list[str]:
+    """What the review of a whole run says: clipping, limits, task, shutdowns, warnings."""
+    judged = review(log, run)
+    clipped, limited = judged.shares()
+    lines = [f"converter clips {clipped}, command rate-limited {limited}"]
+    if judged.task:
+        lines.append(str(judged.task))
+    lines += map(str, judged.shutdowns)
+    lines += [f"warning: {warning}" for warning in judged.warnings]
+    return lines
 
 
 RARE = "Arm, seed, shutdowns"

@@ -53,12 +53,14 @@ class Field:
             return typed
         if self.optional is not None and not typed.strip():
             return None
-        kind = self.optional or (int if isinstance(self.initial, int) else float)
+        type_of_initial = int if isinstance(self.initial, int) else float
+        number_type = self.optional or type_of_initial
         try:
-            return kind(typed)
+            return number_type(typed)
         except ValueError:
-            expected = "a whole number" if kind is int else "a number"
-            expected += " or nothing" if self.optional else ""
+            expected = "a whole number" if number_type is int else "a number"
+            if self.optional:
+                expected += " or nothing"
             raise ScenarioError(f"expected {expected}, given {abridged(repr(typed))}") from None
 
 
@@ -109,7 +111,8 @@ class Form(Generic[T]):
             before, self._setting = self._changes, True
             try:
                 for name, value in values.items():
-                    self.handles[name].value = value if isinstance(value, bool) else shown(value)
+                    typed = value if isinstance(value, bool) else shown(value)
+                    self.handles[name].value = typed
             finally:
                 self._setting = False
             if self._changes != before:
@@ -131,10 +134,11 @@ class Form(Generic[T]):
                 try:
                     record, self._good = self._make(values), values
                 except EXPECTED as error:
-                    wrong = {name: text for name in values if (text := self._alone(name, values))}
+                    alone = {name: self._alone(name, values) for name in values}
+                    wrong = {name: message for name, message in alone.items() if message}
                     general = "" if wrong else str(error)
-            for name, message in self._messages.items():
-                message.say(wrong.get(name, ""))
+            for name, line in self._messages.items():
+                line.say(wrong.get(name, ""))
             self._message.say(general)
             return record
 
@@ -152,9 +156,9 @@ class Form(Generic[T]):
     def _typed(self) -> None:
         # Every letter comes in a thread of its own; those that waited while a record was made need no record each.
         self._changes += 1
-        number = self._changes
+        change = self._changes
         with self._lock:
-            if number == self._changes and not self._setting:
+            if change == self._changes and not self._setting:
                 self.update()
 
     def _values(self) -> tuple[dict[str, Any], dict[str, str]]:
@@ -218,7 +222,7 @@ def reporting(client: "viser.ClientHandle", action: Callable[[], None]) -> Calla
         try:
             action()
         except EXPECTED as error:
-            text = abridged(" ".join(str(error).split()))
-            client.add_notification("Not done", text, color="red", auto_close_seconds=15.0)
+            reason = abridged(" ".join(str(error).split()))
+            client.add_notification("Not done", reason, color="red", auto_close_seconds=15.0)
 
     return handle

@@ -30,7 +30,7 @@ FILE, EXCITED, CHOICE = "a file", "the excited one", "choose for me"
 SHARES = {"the same samples": 0.0, "its last quarter": 0.25, "its second half": 0.5}
 """Parts of the record that judge the model, by their words."""
 
-MENU = {CHOICE: None, **{f"{name.upper()}: {entry.title}": name for name, entry in ESTIMATORS.items()}}
+MENU = {CHOICE: None, **{f"{name.upper()}: {estimator.title}": name for name, estimator in ESTIMATORS.items()}}
 """Estimators by the words of the menu."""
 
 LIMITS = {"nb": (1, 10), "nf": (0, 10), "order": (1, 12), "p": (1, 60)}
@@ -71,11 +71,11 @@ def checked(session: Session, values: dict[str, Any]) -> dict[str, Any]:
     Raises:
         ScenarioError: A value that no record can go with.
     """
-    for name, least, unit in (("steps", 1, "sample"), ("skip", 0, "s")):
-        if not values[name] >= least:
-            raise ScenarioError(f"expected {least} {unit} or more, given {values[name]:g}")
+    for name, smallest, unit in (("steps", 1, "sample"), ("skip", 0, "s")):
+        if not values[name] >= smallest:
+            raise ScenarioError(f"expected {smallest} {unit} or more, given {values[name]:g}")
     for name in ("input", "output"):
-        values[name] = tuple(one.strip() for one in values[name].split(",") if one.strip())
+        values[name] = tuple(column.strip() for column in values[name].split(",") if column.strip())
         if not values[name]:
             raise ScenarioError("expected the name of a column, or several separated by commas")
     if values["dt"] is not None and not 0.0 < values["dt"] < inf:
@@ -83,7 +83,7 @@ def checked(session: Session, values: dict[str, Any]) -> dict[str, Any]:
     for name in ("time", "time_unit", "test", "other"):
         values[name] = values[name] or None
     values["joint"] = None if values["joint"] == EXCITED else values["joint"]
-    values["file"] = tuple(Path(one.strip()) for one in values["file"].split(";") if one.strip())
+    values["file"] = tuple(Path(path.strip()) for path in values["file"].split(";") if path.strip())
     values["other"] = values["other"] and Path(values["other"])
     for path in filter(None, (*values["file"], values["other"])):
         if not path.exists():
@@ -158,8 +158,10 @@ class IdentifyTab:
         self._form.folders[COLUMNS].visible = handles["file"].visible = handles["record"].value == FILE
         handles["other"].visible = handles["validate"].value == FILE
         self._choose.visible = method in ORDERS
-        entry = None if method is None or (method in ORDERS and self._choose.value) else ESTIMATORS[method]
-        defaults = {} if entry is None else {**dict.fromkeys(entry.orders, 2), **entry.optional}
+        defaults: dict[str, int] = {}
+        if method is not None and not (method in ORDERS and self._choose.value):
+            # Order two is a start for every structure; what the estimator has a default for keeps it.
+            defaults = {**dict.fromkeys(ESTIMATORS[method].orders, 2), **ESTIMATORS[method].optional}
         self._orders.visible = bool(defaults)
         if tuple(defaults) == tuple(self._sliders):
             return
@@ -167,10 +169,11 @@ class IdentifyTab:
         for slider in self._sliders.values():
             slider.remove()
         with self._orders:
-            self._sliders = {
-                name: self._client.gui.add_slider(name, *LIMITS.get(name, (0, 10)), 1, self._wanted.get(name, value))
-                for name, value in defaults.items()
-            }
+            self._sliders = {}
+            for name, default in defaults.items():
+                low, high = LIMITS.get(name, (0, 10))
+                order = self._wanted.get(name, default)
+                self._sliders[name] = self._client.gui.add_slider(name, low, high, 1, order)
 
     def request(self) -> IdentificationRequest:
         """What the fields ask for; records of the session are written to files.
@@ -180,7 +183,8 @@ class IdentifyTab:
         """
         options = self._form.checked()
         session, method = self._station.session, MENU[self._estimator.value]
-        record, judge, file, other = (options.pop(name) for name in ("record", "validate", "file", "other"))
+        record, judge = options.pop("record"), options.pop("validate")
+        file, judging_file = options.pop("file"), options.pop("other")
         if record != FILE:
             file = (session.file_of(record),)
             options = {name: value for name, value in options.items() if name not in TABLE}
@@ -188,30 +192,32 @@ class IdentifyTab:
             raise ScenarioError("choose a record, or type the path of a file")
         options |= {"method": method, "orders": tuple(slider.value for slider in self._sliders.values())}
         if judge in SHARES:
-            chosen = 0.0 if self._sliders else 0.25
-            options["held_out"] = None if SHARES[judge] == chosen else SHARES[judge]
+            # The command line holds a quarter out where it chooses orders: what it does by itself is not stated.
+            default = 0.0 if self._sliders else 0.25
+            options["held_out"] = None if SHARES[judge] == default else SHARES[judge]
         elif judge != FILE:
             options["validate"] = session.file_of(judge)
-        elif other is not None:
-            options["validate"] = other
+        elif judging_file is not None:
+            options["validate"] = judging_file
         else:
             raise ScenarioError("type the path of the file that judges the model")
         return IdentificationRequest(file, options)
 
     def _select(self) -> None:
-        number = int(self._selected.value.partition(":")[0] or 0)
-        if number in self._models.listed and number != self._models.selected:
-            self._models.select(number)
+        model_number = int(self._selected.value.partition(":")[0] or 0)
+        if model_number in self._models.listed and model_number != self._models.selected:
+            self._models.select(model_number)
 
     def _act(self) -> None:
         if self._action.value == "remove":
             self._models.remove(self._models.selected)
             return
-        one = self._models.listed[self._models.selected]
-        estimate, orders = one.found.result.fitted.estimate, one.found.result.fitted.orders.values()
-        name = f"{one.request.data[0].stem}-{estimate.method}-{'-'.join(map(str, orders))}.json"
+        model = self._models.listed[self._models.selected]
+        fitted = model.found.result.fitted
+        estimate, orders = fitted.estimate, "-".join(map(str, fitted.orders.values()))
+        name = f"{model.request.data[0].stem}-{estimate.method}-{orders}.json"
         with TemporaryDirectory() as folder:
-            command = shlex.join((*one.request.words, "--save", name))
+            command = shlex.join((*model.request.words, "--save", name))
             content = write_model(estimate, Path(folder) / name, command=command).read_bytes()
         self._client.send_file_download(name, content)
 
@@ -231,7 +237,8 @@ class IdentifyTab:
             self._revision, busy = models.revision, models.busy
             self._stop.visible = self._progress.visible = bool(busy)
             self._run.visible = not busy
-            self._state.say(f"{busy} is under way ..." if busy else models.failure, remark=bool(busy))
+            state = f"{busy} is under way ..." if busy else models.failure
+            self._state.say(state, remark=bool(busy))
             self._results.visible = bool(models.listed)
             if models.listed:
                 self._show_models()
@@ -241,32 +248,33 @@ class IdentifyTab:
         models = self._models
         if [*models.listed, "truth", "published"] != list(self._shown):
             self._build_boxes()
-            self._selected.options = tuple(one.name for one in models.listed.values())
-        one = models.listed[models.selected]
-        self._selected.value = one.name
-        contents = {name: models.figures.get(name, "") for name in FIGURES} | {"Numbers": numbers(one)}
+            self._selected.options = tuple(model.name for model in models.listed.values())
+        selected = models.listed[models.selected]
+        self._selected.value = selected.name
+        contents = {name: models.figures.get(name, "") for name in FIGURES} | {"Numbers": numbers(selected)}
         for name, content in contents.items():
             if self._cards[name].content != content:
                 self._cards[name].content = content
-        self._list.content = model_list(list(models.listed.values()), one.known)
+        self._list.content = model_list(list(models.listed.values()), selected.known)
 
     def _build_boxes(self) -> None:
         models, gui = self._models, self._client.gui
         for box in self._shown.values():
             box.remove()
-        words: dict[int | str, tuple[str, str]] = {n: (one.name, one.found.title) for n, one in models.listed.items()}
-        words |= {"truth": ("truth", "small-signal model of the arm"), "published": ("printed", "models of the thesis")}
+        labels: dict[int | str, tuple[str, str]] = {}
+        for key, model in models.listed.items():
+            labels[key] = (model.name, model.found.title)
+        labels["truth"] = ("truth", "small-signal model of the arm")
+        labels["published"] = ("printed", "models of the thesis")
+        self._shown = {}
         with self._boxes:
-            self._shown = {
-                key: gui.add_checkbox(
-                    text, key not in models.hidden and key in {*models.listed, *models.beside}, hint=hint
-                )
-                for key, (text, hint) in words.items()
-            }
+            for key, (label, hint) in labels.items():
+                checked_now = key not in models.hidden and key in {*models.listed, *models.beside}
+                self._shown[key] = gui.add_checkbox(label, checked_now, hint=hint)
         for box in self._shown.values():
             box.on_update(lambda _: self._tick())
 
     def _tick(self) -> None:
         off = {key for key, box in self._shown.items() if not box.value}
-        beside = tuple(kind for kind in ("truth", "published") if kind not in off)
+        beside = tuple(key for key in ("truth", "published") if key not in off)
         self._models.show(hidden={key for key in off if isinstance(key, int)}, beside=beside)

@@ -45,7 +45,8 @@ def open_place(place: str, part: str = "") -> Opened:
     if (path / INDEX).is_file() or path.name.endswith(UNFINISHED):
         return opened_data_set(path, part)
     if path.name == RESULTS or (path / RESULTS).is_file():
-        return open_study(path if path.is_dir() else path.parent, part)
+        folder = path if path.is_dir() else path.parent
+        return open_study(folder, part)
     if path.is_file() and path.suffix == ".json":
         return open_result(path)
     if path.is_file() and (log := log_of(path)) is not None:
@@ -60,5 +61,12 @@ def open_place(place: str, part: str = "") -> Opened:
 
 def files_in(folder: Path) -> list[str]:
     """Names of what can be opened in a folder, sorted."""
-    there = [path for path in folder.iterdir() if path.name.isprintable()] if folder.is_dir() else []
-    return sorted(p.name for p in there if p.suffix in OPENED or (p / INDEX).is_file() or (p / RESULTS).is_file())
+    if not folder.is_dir():
+        return []
+    # A name that no terminal shows cannot be chosen from a menu either.
+    paths = [path for path in folder.iterdir() if path.name.isprintable()]
+    return sorted(path.name for path in paths if _can_be_opened(path))
+
+
+def _can_be_opened(path: Path) -> bool:
+    return path.suffix in OPENED or (path / INDEX).is_file() or (path / RESULTS).is_file()

@@ -43,24 +43,26 @@ class RecipeView:
 
             @self._save.on_click
             def _(_: object) -> None:
-                now = self._recipe()
-                client.send_file_download(now.file, now.toml.encode(), save_immediately=True)
+                recipe_now = self._recipe()
+                client.send_file_download(recipe_now.file, recipe_now.toml.encode(), save_immediately=True)
 
         self.refresh()
 
     def refresh(self) -> None:
         """Show the recipe of now."""
-        now = self._recipe()
+        recipe = self._recipe()
         # Commands wrap, which copies as one line; lines of Python keep their beginnings and scroll.
-        blocks = _block("Command line", now.shell, "pre-wrap") + _block("Python", now.python, "pre")
-        self._text.content = f'<div style="margin:0 0.75em">{blocks if now.commands else "Nothing was done yet."}</div>'
-        self._save.visible = bool(now.toml)
+        blocks = _block("Command line", recipe.shell, "pre-wrap") + _block("Python", recipe.python, "pre")
+        content = blocks if recipe.commands else "Nothing was done yet."
+        self._text.content = f'<div style="margin:0 0.75em">{content}</div>'
+        self._save.visible = bool(recipe.toml)
 
 
 def _block(title: str, code: str, wrap: str) -> str:
     if not code:
         return ""
-    style = f"{CODE};white-space:{wrap};overflow-wrap:{'anywhere' if wrap == 'pre-wrap' else 'normal'}"
+    breaks = "anywhere" if wrap == "pre-wrap" else "normal"
+    style = f"{CODE};white-space:{wrap};overflow-wrap:{breaks}"
     button = f'<button type="button" style="{BUTTON}" onclick="{escape(COPY)}">Copy</button>'
     return (
         f'<div style="display:flex;justify-content:space-between;font-size:0.8em">{title}{button}</div>'

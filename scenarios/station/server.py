@@ -43,11 +43,11 @@ def is_own_page(headers: Any, port: int) -> bool:
     A page of another site that the same browser shows can reach the loopback address, by its number or by a name that
     it points there; its `Host` or its `Origin` tells.
     """
-    own = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
+    own_hosts = [f"{name}:{port}" for name in (LOOPBACK, "localhost")]
+    own_origins = [f"http://{host}" for host in own_hosts]
     hosts, origins = headers.get_all("Host"), headers.get_all("Origin")
-    return (
-        len(hosts) == 1 and hosts[0] in own and all(origin in [f"http://{name}" for name in own] for origin in origins)
-    )
+    # Two hosts are a forgery: servers and proxies differ in which of them they take.
+    return len(hosts) == 1 and hosts[0] in own_hosts and all(origin in own_origins for origin in origins)
 
 
 @contextlib.contextmanager

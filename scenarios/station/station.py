@@ -109,11 +109,12 @@ class Station(Desk):
                 return
             self._operator = None
             self.session.forget_watchers()
-            for other in self.server.get_clients().values():
-                self._operator = other.client_id
-                other.gui.reset()
-                self._build_view(other)
-                self._build(other)
+            # The browser that has watched for longest takes over.
+            for watcher in self.server.get_clients().values():
+                self._operator = watcher.client_id
+                watcher.gui.reset()
+                self._build_view(watcher)
+                self._build(watcher)
                 return
 
     def _build(self, client: "viser.ClientHandle") -> None:

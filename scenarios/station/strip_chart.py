@@ -68,4 +68,6 @@ class StripChart:
 
     def draw(self) -> None:
         """Send what was added to the browser."""
-        self._chart.data = tuple(np.array(self._points).T if self._points else np.zeros((self._width + 1, 2)))
+        # The chart draws nothing, and says so in the browser's log, where a signal has no points.
+        signals = np.array(self._points).T if self._points else np.zeros((self._width + 1, 2))
+        self._chart.data = tuple(signals)

@@ -97,7 +97,7 @@ class StudyTab:
             self._plots = [LogPlot(gui, names) for names in (("command", "measured"), ("x", "y", "z"), ("load",))]
             self._loop = gui.add_checkbox("again and again", False)
         self._opened: Opened | None = None
-        self._recipe = RecipeView(client, lambda: self._opened.recipe if self._opened else Recipe((), ""))
+        self._recipe = RecipeView(client, self._opened_recipe)
         self._put, self._drawn, self._tick = 0.0, 0.0, 0
         for handle, action in (
             (self._menu, self._choose),
@@ -110,10 +110,15 @@ class StudyTab:
             (self._loop, self._set_pace),
             (self._joint, self._load_plots),
         ):
-            (handle.on_update if hasattr(handle, "on_update") else handle.on_click)(reporting(client, action))
+            # Menus and sliders are updated, buttons are clicked.
+            connect = handle.on_update if hasattr(handle, "on_update") else handle.on_click
+            connect(reporting(client, action))
         station.session.watch(self._list)
         self._pause()  # a replay that another browser began
         self._list()
+
+    def _opened_recipe(self) -> Recipe:
+        return self._opened.recipe if self._opened else Recipe((), "")
 
     def _list(self) -> None:
         session = self._station.session
@@ -159,14 +164,18 @@ class StudyTab:
             self._message.say(f"{label} begins after {work.label}", remark=True)
         work.when_free(self.title, begin)
 
-    def _end(self, text: str) -> None:
-        self._message.say(text)
+    def _end(self, message: str) -> None:
+        self._message.say(message)
         self._stop.visible = False
 
     def _show(self, opened: Opened) -> None:
         """Show what was opened; its log joins the records of the session."""
         self._pause()
-        tables = "".join(listing((title,)) * bool(title) + table(head, rows) for title, head, rows in opened.tables)
+        tables = ""
+        for title, head, rows in opened.tables:
+            if title:
+                tables += listing((title,))
+            tables += table(head, rows)
         height = 460 if opened.log is None else 200
         self._about.content = (
             f'<div style="max-height:{height}px;overflow:auto">{listing((f"{opened.kind}: {opened.place}",))}'
@@ -180,10 +189,7 @@ class StudyTab:
         self._replay.visible = log is not None
         if log is None:
             return
-        records = self._station.session.records
-        if opened.complete and not any(
-            log.name == one.name and np.array_equal(log.measured, one.measured) for one in records.values()
-        ):
+        if opened.complete and not self._is_kept(log):
             self._station.session.keep(log)
         self._tick = 0
         self._time.max = (len(log) - 1) * SAMPLE_TIME
@@ -191,6 +197,11 @@ class StudyTab:
         self._load_plots()
         if not self._station.motion.running:
             self._pose(log)
+
+    def _is_kept(self, log: JointLog) -> bool:
+        """Whether the session has a record of the same name with the same angles."""
+        records = self._station.session.records.values()
+        return any(log.name == record.name and np.array_equal(log.measured, record.measured) for record in records)
 
     def _load_plots(self) -> None:
         if self._opened is None or (log := self._opened.log) is None:
@@ -219,12 +230,12 @@ class StudyTab:
         self._station.scene.show(frame_of(log, self._tick))
 
     def _steer(self) -> None:
-        motion, what = self._station.motion, self._steering.value
+        motion, button = self._station.motion, self._steering.value
         if self._opened is None or (log := self._opened.log) is None:
             return
-        if what == "Pause":
+        if button == "Pause":
             self._pause()
-        elif what == "To the start":
+        elif button == "To the start":
             self._time.value = 0.0
         elif motion.playback is None:
             motion.check_free()

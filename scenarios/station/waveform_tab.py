@@ -37,23 +37,35 @@ EVERY_AXIS = "every axis"
 
 def excitation_fields(kind: str, values: Mapping[str, Any]) -> list[Field]:
     """Return a field for every parameter and setting of a kind, with these values or first ones."""
-    described = (getdoc(KINDS[kind]) or "").partition("Args:\n")[2].partition("\n\n")[0].splitlines()
-    hints = {name: words for name, _, words in (line.strip().partition(": ") for line in described) if words}
+    hints = parameter_hints(kind)
+    fields = []
+    for name, parameter in signature(KINDS[kind]).parameters.items():
+        # A file of one's own is loaded by a button, not typed.
+        if name == "points":
+            continue
+        label = name.replace("_", " ")
+        if name in UNITS:
+            label += f" / {UNITS[name]}"
+        default = FIRST[name] if parameter.default is Parameter.empty else parameter.default
+        fields.append(Field(name, label, values.get(name, default), hint=hints.get(name)))
     rate, count = map(values.get, SETTINGS)
-    return [
-        *(
-            Field(
-                name,
-                name.replace("_", " ") + (f" / {UNITS[name]}" if name in UNITS else ""),
-                values.get(name, FIRST[name] if entry.default is Parameter.empty else entry.default),
-                hint=hints.get(name),
-            )
-            for name, entry in signature(KINDS[kind]).parameters.items()
-            if name != "points"
-        ),
+    fields += [
         Field("repeat_frequency", "repetitions / Hz", rate, hint=REPEATED, folder="Repetition", optional=float),
         Field("iterations", "iterations", count, hint="empty: until the end", folder="Repetition", optional=int),
     ]
+    return fields
+
+
+def parameter_hints(kind: str) -> dict[str, str]:
+    """What the docstring of an excitation says of each of its arguments."""
+    _, _, arguments = (getdoc(KINDS[kind]) or "").partition("Args:\n")
+    hints = {}
+    for line in arguments.partition("\n\n")[0].splitlines():
+        name, _, hint = line.strip().partition(": ")
+        # The second line of a long description has no colon.
+        if hint:
+            hints[name] = hint
+    return hints
 
 
 def values_of(excitation: Excitation) -> dict[str, Any]:
@@ -75,7 +87,8 @@ class WaveformTab:
         self._session, self._client = station.session, client
         self._lock = threading.Lock()  # the last that is taken: nothing outside is called under it
         played = self._session.scenario.excitation
-        start = self._session.waveform or (played[0] if played else Excitation("prbs"))
+        first_played = played[0] if played else Excitation("prbs")
+        start = self._session.waveform or first_played
         self._last, self._follows = start, False
         self._shown: Excitation | None = None
         self._points: Any = start.parameters.get("points")
@@ -87,7 +100,8 @@ class WaveformTab:
         self._about = Message(gui)
         self._forms: dict[str, tuple[Any, Form[Excitation]]] = {}
         for kind in KINDS:
-            fields = excitation_fields(kind, values_of(start) if kind == start.kind else {})
+            values = values_of(start) if kind == start.kind else {}
+            fields = excitation_fields(kind, values)
             # All are built at once and one is shown: each keeps what was typed while another is looked at.
             with gui.add_folder(None, visible=False) as folder:
                 form = Form(gui, fields, partial(self._make, kind), partial(self._changed, kind))
@@ -152,11 +166,10 @@ class WaveformTab:
         self._figure.content = card(waveform_figure(wave), f"{word}: 100 points and their spectrum", (5.2, 3.5))
         self._warnings.say("; ".join(excitation_warnings(excitation)))
         self._numbers.content = table((), excitation_rows(excitation))
-        self._orders.content = table(
-            ("model of the study", "needs", "has"),
-            [(name, str(least), str(order)) for name, least in needed.items()],
-            red=[number for number, least in enumerate(needed.values()) if least > order],
-        )
+        head = ("model of the study", "needs", "has")
+        rows = [(model, str(needed_order), str(order)) for model, needed_order in needed.items()]
+        too_poor = [row for row, needed_order in enumerate(needed.values()) if needed_order > order]
+        self._orders.content = table(head, rows, red=too_poor)
         self._recipe.refresh()
 
     def _compare(self) -> None:
@@ -166,13 +179,16 @@ class WaveformTab:
             self._axis.options = options
         self._axis.visible = len(scenario.axes) > 1
         played = self._played()
-        self._follows = bool(played) and all(entry == self._shown for entry in played)
-        kinds = (
-            ", ".join(dict.fromkeys(kind_word(entry.kind) for entry in played)) or "nothing: an operator has the stick"
-        )
-        words = "plays this" if self._follows else f"does not play this yet, it plays {kinds}"
-        wrong = "The figure shows the last waveform without error" if self._figure.visible else ""
-        self._state.say(f"{scenario.name} {words}" if self._shown else wrong, remark=True)
+        self._follows = bool(played) and all(excitation == self._shown for excitation in played)
+        kinds = dict.fromkeys(kind_word(excitation.kind) for excitation in played)
+        shown_kinds = ", ".join(kinds) or "nothing: an operator has the stick"
+        if self._shown is None:
+            state = "The figure shows the last waveform without error" if self._figure.visible else ""
+        elif self._follows:
+            state = f"{scenario.name} plays this"
+        else:
+            state = f"{scenario.name} does not play this yet, it plays {shown_kinds}"
+        self._state.say(state, remark=True)
 
     def _played(self) -> list[Excitation]:
         """What the experiment plays on the axis that is chosen, or on every axis."""
@@ -217,6 +233,6 @@ class WaveformTab:
 
     def _save_points(self) -> None:
         kind, file = self._last.kind, self._session.waveform_file
-        name = f"{Path(file).stem if kind == 'points' else kind}.txt"
-        text = points_text(self._last.waveform().points.tolist())
-        self._client.send_file_download(name, text.encode(), save_immediately=True)
+        stem = Path(file).stem if kind == "points" else kind
+        content = points_text(self._last.waveform().points.tolist()).encode()
+        self._client.send_file_download(f"{stem}.txt", content, save_immediately=True)
