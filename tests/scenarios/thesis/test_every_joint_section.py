@@ -42,4 +42,4 @@ def test_page_says_what_is_called_coupled_and_nothing_without_the_model(study, r
     assert "Fewer realisations than those of a whole study." in text
     without = replace(study, every_joint=None)
     assert (every_joint_section(without), every_joint_record(without), every_joint(without).views) == ({}, None, {})
-    assert 'id="every-joint"' not in str(html({**report, "every_joint": {}, "study": without})[0])
+    assert 'id="every-joint"' not in str(html(replace(report, every_joint={}, study=without))[0])
