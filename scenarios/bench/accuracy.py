@@ -52,7 +52,7 @@ IMPLAUSIBLE = 1e-9
 
 @dataclass(frozen=True)
 class Acceptance:
-    """Which means over records pass.
+    """Criterion by which a mean over records passes.
 
     Attributes:
         expected: Mean of a perfect estimator.
@@ -78,7 +78,7 @@ class Acceptance:
         return (max(low / self.ratio - self.points, lowest), min(high * self.ratio + self.points, highest))
 
     def mean(self, label: str, values: FloatArray, theory: Expectation, limits: tuple[float, float] | None) -> Part:
-        """The mean of values (n,) as a part; without limits it has no verdict."""
+        """A part whose value is the mean of values (n,); without limits it has no verdict."""
         mean = NAN
         # Errors of an estimator that is far off may have squares beyond the largest number.
         with np.errstate(over="ignore"):
@@ -250,7 +250,7 @@ class Agreement(MetricDefinition):
 
 
 def _agreement_on(name: str, evidence: Evidence, second: Mapping[Trial, ComplexArray]) -> tuple[Part, float]:
-    """The part of a problem, and the median number of digits that agree."""
+    """The part of agreement on one problem, and the median number of digits to which both responses agree."""
     truth, bound = (bound_for(name, structure) for structure in (None, evidence.estimator.structure))
     null = null_distribution(name, evidence.estimator.structure, variance_ratio, 1.0)
     plausible = _plausible(name, truth, second)

@@ -1,4 +1,4 @@
-"""Split over amplitude: an estimator's error on the arm as systematic error, noise and nonlinear distortion."""
+"""An estimator's error on the arm by amplitude: systematic error, noise and nonlinear distortion."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -142,7 +142,7 @@ def _by_waveform(measurements: Sequence[Measurement]) -> tuple[list[ComplexArray
 
 
 def _systematic_part(label: str, error: MeanError, allowed: float, theory: Expectation, count: int) -> Part:
-    """The systematic error, judged where its limit is narrow enough to say anything."""
+    """The part of the systematic error; no verdict where its own scatter makes the limit too wide."""
     why = theory.why or f"at most {error.limit:.3g} %: {allowed:g} % allowed, and the chance of its own scatter"
     expected = Expectation(theory.passes, why)
     limits = (-np.inf, error.limit)

@@ -77,7 +77,7 @@ class BandwidthMetric(MetricDefinition):
     unit = "Hz"
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
-        """The multisines of the split over amplitude, and binary sequences like the thesis' test 5."""
+        """The multisines of `AmplitudeSplit`, and binary sequences like the thesis' test 5."""
         draws = range(SEQUENCES[effort])
         sequences = [Trial(sequence_class(joint), draw) for joint, draw in product(JOINTS, draws)]
         return (*AmplitudeSplit().trials(effort), *sequences)
@@ -120,6 +120,7 @@ def _furthest_from_truth(rows: Sequence[dict[str, Any]], metric_parts: Sequence[
 
 
 def _row(name: str, group: Measurements) -> dict[str, Any]:
+    """Bandwidths claimed for one class of excitation, beside the true ones."""
     lowest, truths = true_bandwidths(name)
     # twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad
     _, variant, joint, excitation, amplitude = name.split("-")
@@ -153,7 +154,7 @@ def _claimed(m: Measurement, lowest: float) -> float:
 
 
 def _part(row: dict[str, Any]) -> Part:
-    """The median of the values, with their 95 % range: of fewer than forty it is that of all."""
+    """The part of one class: median and 95 % range of its bandwidths; of fewer than forty it is the whole range."""
     values, median, ends = np.array(row["hz"]), NAN, (NAN, NAN)
     if len(values):
         median = float(np.median(values))
@@ -165,7 +166,7 @@ def _part(row: dict[str, Any]) -> Part:
 
 
 def _share_near_1_hz(near: int, models: int) -> str:
-    """In words, with the exact binomial interval, as if records were independent."""
+    """The share of bandwidths near 1 Hz in words, with its exact binomial interval, as if records were independent."""
     if models == 0:
         return "no record has a model"
     lowest, highest = exact_interval_of_share(near, models, 100.0)

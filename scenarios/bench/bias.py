@@ -73,7 +73,7 @@ class Bias(MetricDefinition):
 
 
 def _bias_on(name: str, evidence: Evidence) -> tuple[Part, dict[str, Any]]:
-    """The part of a problem, and its curves for drawing."""
+    """The part of bias on one problem, and its curves for drawing."""
     measurements = evidence.on(name)
     bound = bound_for(name, evidence.estimator.structure)
     axes, errors, too_few = _errors(measurements, bound, needed(len(measurements)))

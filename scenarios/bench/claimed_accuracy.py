@@ -129,6 +129,7 @@ Covered = tuple[FloatArray, FloatArray, str, int]
 
 
 def _covered_parameters(good: Measurements, name: str, structure: str | None) -> Covered:
+    """Share of the true parameters within their claimed intervals, by record."""
     comparable = [m for m in good if m.covered >= 0 and m.parameters > 0]
     missing = ""
     if not comparable and any(m.parameters > 0 for m in good):
@@ -142,6 +143,7 @@ def _covered_parameters(good: Measurements, name: str, structure: str | None) ->
 
 
 def _covered_bandwidths(good: Measurements, name: str, structure: str | None) -> Covered:
+    """Share of the true bandwidths within their claimed intervals, by record."""
     bound = bound_for(name, structure)
     shares = []
     for m in good:
@@ -159,6 +161,7 @@ def _covered_bandwidths(good: Measurements, name: str, structure: str | None) ->
 
 
 def _covered_responses(good: Measurements, name: str, structure: str | None) -> Covered:
+    """Share of real and imaginary parts of the true response within their claimed intervals, by record."""
     values = claimed_values(good, name, structure, covered_share)
     return values, null_distribution(name, structure, covered_share, COVERAGE), "", len(good)
 
@@ -250,7 +253,7 @@ class ResponseError(AccuracyMetric):
         curves = {name: _response_curves(good, name, structure) for name, (good, _) in groups.items() if good}
         percent = ", ".join(f"{curve['relative_error_percent']:.3g} % on {name}" for name, curve in curves.items())
         return self.of_parts(
-            [_root(part) for part in metric_parts],
+            [_root_mean_squares(part) for part in metric_parts],
             budget,
             "root mean square error of the response in claimed standard deviations, within what chance allows a "
             f"perfect estimator and 5 % of the variance; relative to the response it is {percent or 'not known'}",
@@ -279,8 +282,8 @@ def limits_by_frequency(
     return limits_of_response_squares(bound_for(name, structure).response_covariance, draws, false_alarm)
 
 
-def _root(part: Part) -> Part:
-    """The part of mean squares as one of root mean squares."""
+def _root_mean_squares(part: Part) -> Part:
+    """A part whose value, interval and limits are mean squares, with their square roots."""
     low, high = np.sqrt(np.maximum(part.interval, 0.0)).tolist()
     lower_limit, upper_limit = np.sqrt(np.maximum(part.limits, 0.0)).tolist()
     if not np.isfinite(part.limits[0]):

@@ -85,6 +85,7 @@ class NoiseFreeRecovery(MetricDefinition):
 
 
 def _digits(name: str, good: Sequence[Measurement], run: int) -> Part:
+    """Digits of the response that are right on one noise-free system, the fewest of its records."""
     if 2 * len(good) < run or not good:
         return unjudged(name, f"no verdict: {len(good)} of {run} records have a model", len(good))
     truth, frequencies = problem(name).truth, problem(name).frequencies

@@ -42,7 +42,7 @@ class EstimatorOptions:
     stays: bool = False
 
     def words(self) -> tuple[str, ...]:
-        """As words of the command line."""
+        """The options as words of the command line."""
         words: list[str] = []
         for option, value in (("--name", self.name), ("--structure", self.structure), ("--method", self.method)):
             if value:
@@ -132,6 +132,7 @@ def _function(target: str, options: EstimatorOptions) -> Estimator:
 
 
 def _program(command: str, options: EstimatorOptions) -> Estimator:
+    """The estimator that a command line starts."""
     try:
         words = shlex.split(command)
     except ValueError as error:
@@ -160,7 +161,7 @@ class EstimatorFiles:
 
     @classmethod
     def of(cls, estimator: Estimator) -> "EstimatorFiles":
-        """Read the files."""
+        """Read the files of an estimator."""
         return cls(source_hash(estimator), tuple(own_files(estimator).items()))
 
     def unpacked(self, estimator: Estimator, folder: Path) -> Estimator:

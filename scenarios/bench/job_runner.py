@@ -72,7 +72,7 @@ class RecordJob:
 
 @dataclass(frozen=True)
 class TrialResult:
-    """A finished trial.
+    """A finished trial: its measurement and its duration.
 
     Attributes:
         estimator: Number of the estimator.
@@ -126,7 +126,7 @@ def twin_trials(jobs: Iterable[RecordJob]) -> list[Trial]:
 
 
 def perfect(problem: Problem, task: Task, seed: int) -> EstimatorOutcome:
-    """Answer as well as possible.
+    """Answer of a perfect estimator, which knows the truth and the bound.
 
     The truth with an error of exactly the Cramér-Rao covariance, claiming exactly that; the truth itself where there is
     no noise or no bound. Where the orders are to be chosen, those of the truth; where they are too low, the
@@ -225,6 +225,7 @@ class Runner:
         return requests
 
     def _ask(self, estimator: int, problem: Problem, task: Task, record: IOData, seed: int) -> EstimatorOutcome:
+        """The outcome of one request; an error of the bench itself counts as a crash of the estimator."""
         if self._setup.estimators[estimator].is_perfect:
             return perfect(problem, task, seed)  # its error belongs to the noise of the record
         try:
@@ -236,6 +237,7 @@ class Runner:
             return EstimatorOutcome("crash", f"its process failed: {type(error).__name__}: {error}"[:300])
 
     def _process(self, estimator: int) -> EstimatorProcess:
+        """The open process of an estimator, started where there is none."""
         if estimator not in self._processes:
             process = EstimatorProcess(self._setup.estimators[estimator], self._setup.limits)
             self._processes[estimator] = process.__enter__()

@@ -305,7 +305,7 @@ def _strips(rows: Sequence[LeaderboardRow], titles: Sequence[str]) -> tuple[Figu
 def _grid(
     rows: Sequence[LeaderboardRow], columns: Sequence[str], *, sharey: Literal["col"] | bool
 ) -> tuple[Figure, np.ndarray]:
-    """Panels (estimator, column)."""
+    """A figure with a panel for each estimator (row) and problem or joint (column)."""
     figure = Figure(figsize=(WIDTH, 1.0 + 0.95 * len(rows)), layout="constrained")
     panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex="col", sharey=sharey)
     dress(panels.flat)

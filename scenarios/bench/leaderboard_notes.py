@@ -22,6 +22,7 @@ def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _different_settings(rows: Sequence[LeaderboardRow]) -> list[str]:
+    """A note for each setting in which rows differ, with what follows from it."""
     sentences = []
     for condition, consequence in WORDS["conditions"].items():
         groups = _grouped((_conditions(row.result)[condition], row) for row in rows)
@@ -44,6 +45,7 @@ def _conditions(result: Result) -> dict[str, str]:
 
 
 def _different_runs(rows: Sequence[LeaderboardRow]) -> list[str]:
+    """A note where speeds were not measured side by side."""
     # Rows run side by side share the mark of their run; one whose file names no run stands alone.
     runs = list(_grouped((row.result.run or f"\n{row.number}", row) for row in rows).values())
     if len(runs) < 2:
@@ -58,6 +60,7 @@ def _different_runs(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _missing_metrics(rows: Sequence[LeaderboardRow]) -> list[str]:
+    """A note on rows that lack metrics."""
     incomplete = []
     for row in rows:
         count = len(GUIDE.keys() & row.result.metrics)
@@ -77,7 +80,7 @@ def _missing_metrics(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _rows_without_verdict(rows: Sequence[LeaderboardRow]) -> list[str]:
-    """An estimator that nothing could fail has not passed anything either."""
+    """Notes on estimators of which nothing was judged: what could not fail has not passed either."""
     sentences = []
     for row in rows:
         outcomes = row.result.outcomes
@@ -90,6 +93,7 @@ def _rows_without_verdict(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _refusals(answering: Sequence[LeaderboardRow]) -> list[str]:
+    """Notes on estimators that refused requests."""
     sentences = []
     groups = _grouped((_refused_requests(row.result), row) for row in answering if row.result.outcomes.get(REFUSED))
     for requests, group in groups.items():
@@ -105,6 +109,7 @@ def _refused_requests(result: Result) -> str:
 
 
 def _unanswered_problems(answering: Sequence[LeaderboardRow], problems: Sequence[str]) -> list[str]:
+    """Notes on estimators that answered too few records of a problem."""
     sentences = []
     for unanswered, group in _grouped((", ".join(row.unanswered(problems)), row) for row in answering).items():
         if unanswered:

@@ -102,6 +102,7 @@ def context(rows: Sequence[LeaderboardRow]) -> dict[str, object]:
 
 
 def _section(rows: Sequence[LeaderboardRow], name: str, gallery: Gallery) -> MetricSection:
+    """The section of one metric; its drawing goes to the gallery."""
     # A name that this version does not know is one of a result of another version.
     guide = GUIDE.get(name, UNKNOWN_METRIC)
     picture = add(gallery, DRAWINGS[name](rows), name) if name in DRAWINGS else None

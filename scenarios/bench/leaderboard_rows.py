@@ -210,6 +210,7 @@ def _read(path: Path) -> LeaderboardRow:
 
 
 def _arrays(table: Any, dimensions: Mapping[str, int]) -> Curve:
+    """The arrays of one table for a drawing, checked as far as the drawing relies on them."""
     arrays: Curve = {}
     for name, expected in dimensions.items():
         if name in MAY_LACK and table[name] is None:

@@ -27,7 +27,7 @@ SEVERITY = list(Verdict)
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell.
+    """A cell of a table.
 
     Attributes:
         text: What it shows.
@@ -50,7 +50,7 @@ EMPTY = Cell("", inf)
 
 @dataclass(frozen=True)
 class Table:
-    """A table.
+    """A table of the page and of the Markdown.
 
     Attributes:
         caption: Its caption.
@@ -85,7 +85,7 @@ def unit(rows: Sequence[LeaderboardRow], name: str) -> str:
 
 
 def standing(rows: Sequence[LeaderboardRow]) -> Table:
-    """The first table: verdicts counted, and the numbers that most look for."""
+    """The first table: number of verdicts of each kind, and the most important values."""
     present = metric_names(rows)
     headline = [name for name in HEADLINE if name in present]
     judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
@@ -106,7 +106,7 @@ def standing(rows: Sequence[LeaderboardRow]) -> Table:
 
 
 def verdicts(rows: Sequence[LeaderboardRow]) -> Table:
-    """A verdict of each metric that is ever judged."""
+    """The verdict of each estimator on each metric that any row was judged by."""
     judged = []
     for name in metric_names(rows):
         if any(verdict(row.metric(name)) is not Verdict.NONE for row in rows):
@@ -150,7 +150,7 @@ def by_problem(rows: Sequence[LeaderboardRow], name: str) -> Table | None:
 
 
 def failures(rows: Sequence[LeaderboardRow]) -> Table:
-    """How requests ended, by kind."""
+    """Number of requests by kind of outcome, for each estimator."""
     present: set[str] = set()
     for row in rows:
         present |= {outcome for outcome, times in row.result.outcomes.items() if times}

@@ -107,6 +107,7 @@ def read_model(folder: Path) -> Numbers:
 
 
 def _read_json(path: Path) -> dict[str, object]:
+    """The named numbers of a JSON object."""
     # Whole numbers of any length become floats: what is too large is infinite and reported as such.
     table = json.loads(path.read_text(encoding="utf-8"), parse_int=float)
     if not isinstance(table, dict):
@@ -115,6 +116,7 @@ def _read_json(path: Path) -> dict[str, object]:
 
 
 def _read_netcdf(path: Path) -> dict[str, object]:
+    """The named numbers of a NetCDF4 file, `dt` also as an attribute."""
     contents = read_netcdf(path, only=NAMES)
     values: dict[str, object] = {name: variable.values for name, variable in contents.variables.items()}
     # The sampling time may be an attribute as well as a variable.
@@ -131,6 +133,7 @@ _READERS: dict[str, Callable[[Path], Mapping[str, object]]] = {
 
 
 def _write_netcdf(path: Path, data: IOData) -> None:
+    """The record as NetCDF4, with names of channels as coordinates."""
     variables = {
         "time": Variable(("time",), data.time, {"units": "s"}),
         "u": Variable(("time", "input"), data.u, {"long_name": "inputs"}),
@@ -151,6 +154,7 @@ def _write_csv(path: Path, data: IOData) -> None:
 
 
 def _write_mat(path: Path, data: IOData) -> None:
+    """The record as a MATLAB file of version 7."""
     variables = {"u": data.u, "y": data.y, "dt": data.dt, "time": data.time[:, None], "window": float(data.window)}
     savemat(path, variables, do_compression=True, oned_as="column")
 

@@ -58,6 +58,7 @@ def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
 
 
 def _answer_of_estimate(estimate: Estimate, task: Task) -> Answer:
+    """The answer of an estimate; a covariance with some NaN is passed on, to be reported as not finite."""
     # A method that does not know its covariance says so by NaN throughout; NaN among numbers is not finite.
     if np.isnan(estimate.covariance).all() or np.isfinite(estimate.covariance).all():
         return estimate_answer(estimate, task)
@@ -85,6 +86,7 @@ def estimate_answer(estimate: Estimate, task: Task) -> Answer:
 
 
 def _of_model(model: object, data: IOData) -> dict[str, FloatArray]:
+    """Named numbers of a model of any of the accepted types."""
     if isinstance(model, StateSpace):
         return real_numbers({name: getattr(model, name) for name in ("dt", *MATRICES, "innovation_covariance")})
     if isinstance(model, Polynomials):
@@ -102,6 +104,7 @@ def _of_model(model: object, data: IOData) -> dict[str, FloatArray]:
 
 
 def _of_polynomials(polynomials: Polynomials | None) -> dict[str, FloatArray]:
+    """Named numbers of polynomials; none where there are none."""
     return {} if polynomials is None else {name: getattr(polynomials, key) for name, key in POLYNOMIALS.items()}
 
 

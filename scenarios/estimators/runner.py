@@ -104,7 +104,7 @@ class EstimatorProcess:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def ask(self, data: IOData, task: Task) -> EstimatorOutcome:
-        """Give it a record and a task; whatever it does is an outcome.
+        """Send a record and a task to the estimator; whatever it does is an outcome.
 
         Args:
             data: The record; its names do not reach the estimator.

@@ -75,7 +75,7 @@ class SharedAlone(LinearProblem):
 
 
 def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
-    """A problem of `SHARED`; samples of a record, or None for `SAMPLES`."""
+    """Make a problem of `SHARED`; samples of a record, or None for `SAMPLES`."""
     truth = Polynomials(B=np.stack((B1, B2)), F=np.stack((F, F)))
     # The noise is that of the usual length, so that problems of other lengths differ in nothing else.
     variance = noise_variance(truth, _inputs(SAMPLES), SIGNAL_TO_NOISE_DB)
@@ -87,7 +87,7 @@ def shared(plain: str, name: str, samples: int | None) -> LinearProblem:
 
 
 def _inputs(samples: int) -> FloatArray:
-    """(BURN_IN + samples, 2)."""
+    """Both inputs: a common binary sequence, to which the second adds its own (BURN_IN + samples, 2)."""
     common = maximum_length_sequence(samples + BURN_IN, BITS, clock=HOLD)
     # A register of another length has another period, so that the two sequences have little in common.
     second = maximum_length_sequence(samples + BURN_IN, OTHER_BITS, clock=HOLD)

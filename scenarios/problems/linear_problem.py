@@ -84,7 +84,7 @@ class LinearProblem(PolynomialProblem):
 
     @cached_property
     def truth(self) -> StateSpace:
-        """Innovation form."""
+        """The truth in innovation form."""
         return innovations_form(self.polynomials, self.dt, self.variance)
 
     def draw(self, seed: int) -> IOData:
@@ -174,7 +174,7 @@ class BinaryExcitation:
 
 
 def noise_variance(truth: Polynomials, inputs: FloatArray, signal_to_noise_db: float) -> float:
-    """Variance of the innovation with which the noise lies so far below the output.
+    """Variance of the innovation for a given signal-to-noise ratio at the output.
 
     Args:
         truth: The system.

@@ -101,7 +101,7 @@ class MimoProblem(Problem):
 
 
 def mimo(plain: str, name: str, samples: int | None) -> MimoProblem:
-    """A problem of `MIMO`; samples of a record, or None for `SAMPLES`."""
+    """Make a problem of `MIMO`; samples of a record, or None for `SAMPLES`."""
     rng = np.random.default_rng(SEED)
     blocks = _modes()
     A = np.asarray(scipy.linalg.block_diag(*blocks), dtype=np.float64)

@@ -37,7 +37,7 @@ class NoiseFreeProblem(PolynomialProblem):
 
     @cached_property
     def truth(self) -> StateSpace:
-        """Without a model of the noise: there is none."""
+        """The truth in state space, without a noise model, since there is no noise."""
         return innovations_form(self.polynomials, SAMPLE_TIME).input_path()
 
     def draw(self, seed: int) -> IOData:
@@ -62,7 +62,7 @@ class NoiseFreeProblem(PolynomialProblem):
 
 
 def noise_free(order: int, delay: int, name: str, samples: int | None) -> NoiseFreeProblem:
-    """The system of an order and a delay.
+    """Make the problem of an order and a delay: its system is random, the same for the same name.
 
     Poles are real or in pairs, of modulus up to 0.95; B is random.
     """

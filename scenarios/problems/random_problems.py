@@ -56,7 +56,7 @@ CANDIDATES = 5000
 
 
 def random_problem(difficulty: str, number: int, name: str, samples: int | None) -> LinearProblem:
-    """The system of a difficulty and a number.
+    """Make the problem of a difficulty and a number: a random system, the same for the same name.
 
     Drawn until its bandwidth lies between 1 % and 60 % of the Nyquist frequency, the bound on its response at the full
     length within what the difficulty allows, and perfect estimates are stable and about as linear in the parameters as
@@ -77,12 +77,13 @@ def random_problem(difficulty: str, number: int, name: str, samples: int | None)
     for _ in range(CANDIDATES):
         truth = _system(rng, wanted, order, STRUCTURES[number % len(STRUCTURES)])
         candidate = wanted.excitation.problem(name, truth)
-        if _fair(candidate, wanted, rng):
+        if _is_suitable(candidate, wanted, rng):
             return candidate if samples is None else wanted.excitation.problem(name, truth, samples)
     raise ScenarioError(f"{name}: none of {CANDIDATES} systems drawn is {difficulty}")
 
 
 def _system(rng: np.random.Generator, wanted: Difficulty, order: int, structure: str) -> Polynomials:
+    """Draw a system of an order and a structure within the ranges of a difficulty."""
     poles = _monic(rng, order, wanted.modulus, wanted.damping)
     delay = int(rng.integers(1, wanted.delay + 1))
     b = rng.standard_normal(int(rng.integers(1, order + 1)))
@@ -112,7 +113,7 @@ def _monic(rng: np.random.Generator, count: int, modulus: tuple[float, float], d
     return np.atleast_1d(np.asarray(np.poly(np.array(roots, dtype=complex)).real, dtype=np.float64))
 
 
-def _fair(candidate: LinearProblem, wanted: Difficulty, rng: np.random.Generator) -> bool:
+def _is_suitable(candidate: LinearProblem, wanted: Difficulty, rng: np.random.Generator) -> bool:
     """Whether the bandwidth and the accuracy are as wanted, and the response as linear as the bound takes it."""
     bandwidth = float(candidate.truth.bandwidth()[0, 0])
     embedded = candidate.embedded(None)

@@ -34,7 +34,7 @@ _FAMILIES: dict[str, tuple[Collection[str], _Maker]] = {
 
 @lru_cache(maxsize=256)
 def problem(name: str) -> Problem:
-    """A problem, the same in any process.
+    """Make the problem of a name, the same in any process.
 
     Args:
         name: One of `names`, or another of its family; of synthetic problems `@SAMPLES` may end it: `p2@2000`.

@@ -70,7 +70,7 @@ LAST_PLACE = 1e-4
 
 
 def textbook(plain: str, name: str, samples: int | None) -> LinearProblem:
-    """A problem of `SYSTEMS`, `FEEDBACK` or `PUBLISHED`.
+    """Make a problem of `SYSTEMS`, `FEEDBACK` or `PUBLISHED`.
 
     The noise of a printed model is that of the printed K where there is one, else white at the output. OKID's models
     have a direct term and no state-space task, which is without.

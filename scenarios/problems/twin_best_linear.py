@@ -80,7 +80,7 @@ class BestLinear(Locked):
     slewing: float
 
     def to_table(self) -> dict[str, Any]:
-        """For a file; six digits are a hundredth of the response's own uncertainty."""
+        """The values as a table for JSON; six digits are a hundredth of the response's own uncertainty."""
         table = {field.name: getattr(self, field.name) for field in fields(self)}
         response = table.pop("response")
         table |= {"real": response.real, "imaginary": response.imag}
@@ -90,7 +90,7 @@ class BestLinear(Locked):
 
     @classmethod
     def from_table(cls, table: dict[str, Any]) -> "BestLinear":
-        """Read `to_table`.
+        """Make one from a table that `to_table` made.
 
         Raises:
             KeyError, TypeError, ValueError: It is no such table.
@@ -143,7 +143,7 @@ def class_key(name: TwinName) -> str:
 
 
 def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, threads: int | None = None) -> BestLinear:
-    """Measure one by the robust method [Pintelon2012, sec. 4.3].
+    """Measure the best linear truth by the robust method [Pintelon2012, sec. 4.3].
 
     Args:
         name: The problem.

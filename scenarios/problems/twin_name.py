@@ -120,7 +120,7 @@ class TwinName:
         )
 
     def experiment(self, seed: int) -> Experiment:
-        """The experiment of a draw.
+        """The experiment whose log is the record of a draw.
 
         Args:
             seed: Of the laboratory's noise, and of the waveform where the name does not state which.

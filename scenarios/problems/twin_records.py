@@ -81,7 +81,7 @@ def prepare(
 
 
 def draw_record(name: TwinName, seed: int) -> IOData:
-    """A record by the problem and the seed of the draw; it is simulated alone where it does not exist yet."""
+    """The record of a problem and a seed, from memory or a file; it is simulated alone where it does not exist yet."""
     record = _find(name, seed)
     if record is None:
         _simulate([(name, seed)], threads=1)
