@@ -107,6 +107,7 @@ def parse(words: list[str]) -> partial[int] | str:
     Raises:
         ScenarioError: The words name no command, or the command does not take them.
     """
+    # `hmtb dataset` is a program of its own, whose commands come a word later.
     program, name, *options = ("hmtb", *words)
     if f"hmtb {name}" in PROGRAMS:
         program, name, *options = (f"hmtb {name}", *(options or ["--help"]))
@@ -192,6 +193,7 @@ def _bad_input(error: Exception) -> str | None:
     packages = {base.__module__.partition(".")[0] for base in type(error).__mro__}
     if isinstance(error, ValueError) and packages & {"scenarios", "hmtb_twin", "sysid"}:
         return " ".join(str(error).split())
+    # The back end fails inside MuJoCo's own modules, when they are loaded.
     back_end = os.environ.get("MUJOCO_GL")
     if back_end and any("gl_context" in frame.filename for frame in traceback.extract_tb(error.__traceback__)):
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"

@@ -87,19 +87,18 @@ def compare(
     from scenarios.identification.named_models import parse_model_name
     from sysid.validation.cross_validation import same_samples
 
-    names = [parse_model_name(text) for text in dict.fromkeys(models)]
+    names = [parse_model_name(name) for name in dict.fromkeys(models)]
     estimated = ", ".join(name.text for name in names if name.is_estimated)
     if not names:
         raise ScenarioError("no model named; expected one or more after --models")
+    if out is None and piece is not None:
+        raise ScenarioError("--piece given without --out: it is the part of the record that a figure shows")
     if out is not None:
         check_figure(out, overwrite=overwrite)
-    elif piece is not None:
-        raise ScenarioError("--piece given without --out: it is the part of the record that a figure shows")
     if estimation is not None and not estimated:
         raise ScenarioError("--estimation given, but no model that is identified; name one, as oe:2/2/1")
     if len(set(joint)) < len(joint):
         raise ScenarioError(f"--joint {' '.join(joint)} given, expected each joint once")
-
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
@@ -108,7 +107,7 @@ def compare(
         if estimation is not None:
             # The same joints, whichever the other record excites.
             estimation_records = read(estimation, joint=joint or joints_of(records[0]), test=estimation_test)
-        parts, judged = compare_models(
+        about_means, judged = compare_models(
             names,
             records,
             data,
@@ -120,45 +119,53 @@ def compare(
             test=test,
         )
     remarks = [str(warning.message) for warning in caught]
+    # Also the same samples under another name.
     if estimated and (estimation_records is None or same_samples(records, estimation_records)):
-        origin = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
-        remarks.append(f"{estimated}: identified from {origin}, so that the fit is no validation (--estimation)")
+        remarks.append(_no_validation(estimated, data, estimation))
     if out is not None:
-        draw(lambda: outputs_figure(parts, judged, f"{data.name}: simulated outputs", piece), out)
+        draw(lambda: outputs_figure(about_means, judged, f"{data.name}: simulated outputs", piece), out)
     if json:
         source = (estimation or data) if estimated else None
-        record = {**_json_record(parts, judged, data), "estimation": source, "warnings": remarks, "figure": out}
+        record = {**_json_record(about_means, judged, data), "estimation": source, "warnings": remarks, "figure": out}
         print_json(record)
         return 0
-    _print(parts, judged, data, estimation)
+    _print(about_means, judged, data, estimation)
     say_each("warning: ", remarks)
     if out is not None:
         say(f"figure: {out}")
-        if joints_of(parts[0]):
+        if joints_of(about_means[0]):  # of another robot no truth is known
             of_record = ("--data", data) if "truth" in models and data.suffix == ".nc" else ()
             say_next("truth", *of_record)
     return 0
 
 
-def _json_record(parts: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path) -> dict[str, object]:
+def _no_validation(estimated: str, data: Path, estimation: Path | None) -> str:
+    """The warning that models fit the record that they are identified from better than any other."""
+    origin = f"{data.name} itself" if estimation is None else f"{estimation.name}, which holds the same record"
+    return f"{estimated}: identified from {origin}, so that the fit is no validation (--estimation)"
+
+
+def _json_record(about_means: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path) -> dict[str, object]:
     """The record and the models on it as JSON."""
-    first = parts[0]
+    first = about_means[0]
     return {
         "data": data,
         "inputs": first.input_names,
         "outputs": first.output_names,
-        "samples": sum(map(len, parts)),
+        "samples": sum(map(len, about_means)),
         "dt": first.dt,
         "models": [model.record() for model in judged],
     }
 
 
-def _print(parts: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path, estimation: Path | None) -> None:
+def _print(
+    about_means: Sequence["IOData"], judged: Sequence["JudgedModel"], data: Path, estimation: Path | None
+) -> None:
     """Print the table of the models, the record that they are identified from, and remarks, each once."""
     from scenarios.identification.model_comparison import comparison_table
 
-    first = parts[0]
-    title = f"Models on {data.name}, {sum(map(len, parts))} samples every {first.dt:g} s"
+    first = about_means[0]
+    title = f"Models on {data.name}, {sum(map(len, about_means))} samples every {first.dt:g} s"
     table = comparison_table(judged, first.output_names or (), title)
     print_table(table.title, table.columns, table.rows)
     if estimation is not None:

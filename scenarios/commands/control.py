@@ -22,6 +22,7 @@ from scenarios.files.errors import ScenarioError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from hmtb_twin import Plant
     from scenarios.control.campaign import IdentifiedPair
     from scenarios.control.runs import Law, Tested
     from scenarios.control.score import Score
@@ -97,11 +98,10 @@ def control(
     from dataclasses import replace
 
     from hmtb_twin import VARIANTS, Plant
-    from scenarios.control.campaign import frequency_test, identification_experiment, identify_pair
+    from scenarios.control.campaign import identification_experiment, identify_pair
     from scenarios.control.design import METHODS, designer
     from scenarios.control.runs import run_scenarios
     from scenarios.control.study import results, stress
-    from scenarios.experiments.registry import selected
     from scenarios.experiments.waveform import check_seed, seed_range
 
     check_seed(seed)
@@ -111,20 +111,7 @@ def control(
     if len(designers) < len(method) or FILES_OF_OUT & designers.keys():
         raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
     plant = Plant(friction_level=friction_level)
-    draws: list[Tested] = []
-    for draw_seed in seed_range(seeds, seed):
-        # A single run has the noise of the scenario itself.
-        scenario_seed = None if seeds == 1 else draw_seed
-        for word in scenarios or DEFAULT:
-            if word == MULTISINE:
-                draws.append(replace(frequency_test(draw_seed), plant=plant, payload=payload))
-                continue
-            for scenario in selected([word], duration=duration, seed=scenario_seed):
-                # Of the default scenarios, a thesis waveform says all in a part of its four minutes.
-                is_shortened = not scenarios and duration is None and scenario.excitation
-                length = WAVEFORM_SECONDS if is_shortened else scenario.duration
-                held = scenario.payload if scenario.worksite else payload
-                draws.append(replace(scenario, plant=plant, payload=held, duration=length))
+    draws = _tested(scenarios, seed_range(seeds, seed), duration, plant, payload)
     free = next((tested for tested in draws if not tested.worksite), None)
     if with_stress and free is None:
         raise ScenarioError("--with-stress given without a scenario in free space, expected one, as reach")
@@ -157,6 +144,33 @@ def control(
         if out is not None:
             say_next("control", "reach", "--seeds", 5, "--method", *(out / f"{name}.json" for name in laws))
     return 0
+
+
+def _tested(
+    scenarios: Sequence[str], seeds: Sequence[int], duration: float | None, plant: "Plant", payload: str
+) -> "list[Tested]":
+    """The runs: every scenario with every seed, on the ground arm in its conditions."""
+    from dataclasses import replace
+
+    from scenarios.control.campaign import frequency_test
+    from scenarios.experiments.registry import selected
+
+    draws: list[Tested] = []
+    for seed in seeds:
+        # A single run has the noise of the scenario itself.
+        scenario_seed = None if len(seeds) == 1 else seed
+        for word in scenarios or DEFAULT:
+            if word == MULTISINE:
+                draws.append(replace(frequency_test(seed), plant=plant, payload=payload))
+                continue
+            for scenario in selected([word], duration=duration, seed=scenario_seed):
+                # Of the default scenarios, a thesis waveform says all in a part of its four minutes.
+                is_shortened = not scenarios and duration is None and scenario.excitation
+                length = WAVEFORM_SECONDS if is_shortened else scenario.duration
+                # At the worksite the operator takes the unit himself.
+                held = scenario.payload if scenario.worksite else payload
+                draws.append(replace(scenario, plant=plant, payload=held, duration=length))
+    return draws
 
 
 def _method_name(word: str) -> str:

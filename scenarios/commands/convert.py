@@ -93,17 +93,21 @@ def convert(
         tests = [_test_record(record) for record in records]
         print_json({"files": written, "tests": tests, "lost": [*lost, *notes], "warnings": warnings})
         return code
+    _print(records, written)
+    say_each("warning: ", warnings)
+    for note in notes:
+        say_beside_bar(f"note: {note}")  # a script that reads stdout has the files alone
+    say_next_identify(written[0], names[0], records[0].axes, tests=1 + len(records) - len(written))
+    return code
+
+
+def _print(records: "Sequence[BusRecord]", written: Sequence[Path]) -> None:
     rows = []
     for k, record in enumerate(records):
         file = written[min(k, len(written) - 1)]  # a run of several tests is one file
         lost_ticks = int(record.lost.sum())
         rows.append((record.name, str(file), f"{len(record) * record.dt:g} s", str(lost_ticks)))
     print_table(counted(len(written), "file"), ("test", "file", "length", "ticks lost"), rows)
-    say_each("warning: ", warnings)
-    for note in notes:
-        say_beside_bar(f"note: {note}")
-    say_next_identify(written[0], names[0], records[0].axes, tests=1 + len(records) - len(written))
-    return code
 
 
 def _only_test(content: "RecordFile", test: str, source: Path) -> "RecordFile":

@@ -277,6 +277,7 @@ def baselines(
         command = row["command"]
         if command in published:  # a method of one's own is not
             different[command] = differences(row, published[command])
+    # Other machines and versions differ in the last digits, which `differences` allows.
     code = 1 if any(different.values()) else 0
     if json:
         print_json({"rows": rows, "differences": different})

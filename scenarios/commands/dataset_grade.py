@@ -45,6 +45,7 @@ def grade(
             refused[name] = outcome
         else:
             graded[name] = outcome
+    # Without a roster there is one data set, whose person has no name.
     missing = sorted(set(read_persons(withheld)) - grades.keys() - {""})
     code = 1 if refused else 0
     if json:

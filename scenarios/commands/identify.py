@@ -1,8 +1,9 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -154,15 +155,21 @@ def identify(
     if save is not None:
         say_each("model: ", [save])
     say_each("figure: ", pictures)
-    if save is None and pictures:
-        again = {**options, "save": Path(f"{data[0].stem}.json"), "out": None, "overwrite": False}
+    _say_next(options, save, has_figures=bool(pictures))
+    return 0
+
+
+def _say_next(options: Mapping[str, Any], save: Path | None, *, has_figures: bool) -> None:
+    """Write the command that goes on from here: save the model, then compare it with others on the same record."""
+    first, joint = options["data"][0], options["joint"]
+    again = {**options, "out": None, "overwrite": False}
+    if save is None and has_figures:
+        again["save"] = Path(f"{first.stem}.json")
         say(f"next: {command_line('hmtb identify', identify, again)}")
     elif save is not None and save.suffix == ".json":
-        joints = (joint,) if joint else ()
-        of_record = {"data": data[0], "models": (str(save),), "joint": joints}
-        judging = {**options, **of_record, "out": None, "overwrite": False}
-        say(f"next: {command_line('hmtb compare', compare, judging)}")
-    return 0
+        joints = (joint,) if joint else ()  # hmtb compare takes several
+        of_record = {"data": first, "models": (str(save),), "joint": joints}
+        say(f"next: {command_line('hmtb compare', compare, {**again, **of_record})}")
 
 
 def _save(model: "Estimate", path: Path, typed: str) -> None:

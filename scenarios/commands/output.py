@@ -36,6 +36,7 @@ def plain(value: object) -> object:
     Args:
         value: Mappings, sequences, arrays, numbers (complex as `[re, im]`), paths, texts.
     """
+    # Arrays and NumPy's numbers, without loading NumPy here.
     if hasattr(value, "tolist"):
         value = value.tolist()
     if isinstance(value, Mapping):
@@ -162,12 +163,14 @@ def check_files(*paths: Path, overwrite: bool) -> None:
         subject, them = f"{first} and {counted(others, 'other file')} exist", "them"
     else:
         subject, them = f"{first} exists", "it"
+    # Nobody can answer a question in a pipe.
     if not (sys.stdin and sys.stdin.isatty() and sys.stderr.isatty()):
         raise ScenarioError(f"{subject}: --overwrite replaces {them}; or name another place")
     with pause_activity():
         sys.stderr.write(f"{subject}: replace {them}? [y/N] ")
         sys.stderr.flush()
         answer = sys.stdin.readline()
+    # The default is the answer that loses nothing.
     if answer.strip().lower() not in ("y", "yes"):
         raise ScenarioError(f"nothing was written; {first} is as before")
 
@@ -214,9 +217,9 @@ def progress(label: str, *, lines: bool = False) -> Iterator[Callable[..., None]
         A function to call with items that are done, items in all (None where that is not known), and the name of the
         step where there are several.
     """
-    from scenarios.jobs.progress import Progress, show_progress
+    from scenarios.jobs.progress import How, Progress, show_progress
 
-    how = "auto" if lines or sys.stderr.isatty() else "none"
+    how: How = "auto" if lines or sys.stderr.isatty() else "none"
     with show_progress(label, how) as report:
         yield lambda done, total, step="": report(Progress(step, done, total))
 

@@ -50,6 +50,7 @@ def preview(
                 picture = folder / files[name]
                 save_figure(preview_figure(commands), picture, dpi=120)
             records[name] = {**_json_record(commands), "plot": str(picture)}
+            # One after the other, as they are computed.
             if not json:
                 _print(commands, picture)
     if json:

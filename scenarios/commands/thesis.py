@@ -1,6 +1,6 @@
 """`hmtb thesis`: the whole study, from simulation to report."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING, Any
 from scenarios.commands.output import json_text, output_folder, print_json, print_table, say, say_each, say_next
 
 if TYPE_CHECKING:
+    from scenarios.experiments.campaign import Condition
+    from scenarios.thesis.answer import Answer
+    from scenarios.thesis.comparison import Comparison
+    from scenarios.thesis.findings import Finding
     from scenarios.thesis.monte_carlo import Tally
 
 QUICK = 40.0
@@ -55,15 +59,11 @@ def thesis(
     from hmtb_twin.files.atomic_write import write_whole
     from scenarios.experiments.waveform import seed_range
     from scenarios.files.data_file import write_log
-    from scenarios.jobs.progress import Progress, show_progress
-    from scenarios.thesis.answer import answer_texts, measure_answer
+    from scenarios.thesis.answer import answer_texts
     from scenarios.thesis.campaign import CONDITIONS
-    from scenarios.thesis.findings import findings
     from scenarios.thesis.monte_carlo import recorded
     from scenarios.thesis.motion_section import read_motion
-    from scenarios.thesis.report import write_report
     from scenarios.thesis.results import results
-    from scenarios.thesis.study import planned_steps, run_study
 
     motion_results = read_motion(motion)
     first_seed = 1 if seed is None else seed
@@ -82,35 +82,16 @@ def thesis(
             conclusions = _run(repeated, duration, threads, seed_folder)
         else:
             conclusions = None if quick else recorded()  # nothing is recorded of short records
-        with show_progress("study") as show:
-            steps = planned_steps(
-                conditions,
-                duration,
-                thorough=not quick,
-                afterwards=("answer", "findings", "report"),
-                report=lambda step, done, total: show(Progress(step, done, total, weighted=True)),
-            )
-            comparison = run_study(
-                seed=seed, duration=duration, conditions=conditions, thorough=not quick, threads=threads, steps=steps
-            )
-            with steps.step("answer") as bar:
-                answer = measure_answer(comparison, threads=threads, progress=bar)
-            with steps.step("findings"):
-                verdicts = findings(comparison)
-            judged_s = steps.seconds["answer"] + steps.seconds["findings"]
-            comparison = replace(comparison, cost=comparison.cost.later(judged_s))
-            with steps.step("report") as bar:
-                report = write_report(
-                    comparison,
-                    verdicts,
-                    answer,
-                    folder / "report.html",
-                    conclusions,
-                    figures=pictures,
-                    motion=motion_results,
-                    progress=bar,
-                )
-            comparison = replace(comparison, cost=comparison.cost.later(steps.seconds["report"], report=True))
+        comparison, verdicts, answer, report = _study(
+            folder / "report.html",
+            conclusions,
+            motion_results,
+            pictures,
+            seed=seed,
+            duration=duration,
+            conditions=conditions,
+            threads=threads,
+        )
         *sentences, certainty = answer_texts(answer, motion_results)
         record = {**results(comparison, verdicts, report, conclusions), "answer": " ".join(sentences)}
         record |= {"certainty": certainty, "responses": answer.record()}
@@ -130,6 +111,51 @@ def thesis(
     next_words = ("thesis", "--out", f"{out}-whole") if quick else ("motion",)
     say_next(*next_words)
     return 1 if failures else 0
+
+
+def _study(
+    page: Path,
+    conclusions: "Tally | None",
+    motion_results: "Mapping[str, Any]",
+    pictures: Path | None,
+    *,
+    seed: int | None,
+    duration: float | None,
+    conditions: "Sequence[Condition]",
+    threads: int | None,
+) -> "tuple[Comparison, Sequence[Finding], Answer, Path]":
+    """Run the study, answer its questions, judge the findings, and write the report."""
+    from scenarios.jobs.progress import Progress, show_progress
+    from scenarios.thesis.answer import measure_answer
+    from scenarios.thesis.findings import findings
+    from scenarios.thesis.report import write_report
+    from scenarios.thesis.study import planned_steps, run_study
+
+    thorough = duration is None  # a preview leaves out the searches for orders and the disturbed records
+    with show_progress("study") as show:
+        steps = planned_steps(
+            conditions,
+            duration,
+            thorough=thorough,
+            afterwards=("answer", "findings", "report"),
+            report=lambda step, done, total: show(Progress(step, done, total, weighted=True)),
+        )
+        comparison = run_study(
+            seed=seed, duration=duration, conditions=conditions, thorough=thorough, threads=threads, steps=steps
+        )
+        with steps.step("answer") as bar:
+            answer = measure_answer(comparison, threads=threads, progress=bar)
+        with steps.step("findings"):
+            verdicts = findings(comparison)
+        # The report states what the study has cost so far; its own cost is known afterwards.
+        judged_s = steps.seconds["answer"] + steps.seconds["findings"]
+        comparison = replace(comparison, cost=comparison.cost.later(judged_s))
+        with steps.step("report") as bar:
+            report = write_report(
+                comparison, verdicts, answer, page, conclusions, figures=pictures, motion=motion_results, progress=bar
+            )
+        comparison = replace(comparison, cost=comparison.cost.later(steps.seconds["report"], report=True))
+    return comparison, verdicts, answer, report
 
 
 def _replaced_files(out: Path, *, figures: bool, logs: bool) -> list[str]:

@@ -139,14 +139,14 @@ def _read(read: "Callable[[], Sequence[IOData]]", path: Path) -> "tuple[IOData, 
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
-        parts = read()
-    if len(parts) != 1:
-        longest = max(parts, key=len)
+        pieces = read()
+    if len(pieces) != 1:
+        longest = max(pieces, key=len)
         raise ScenarioError(
-            f"{path.name}: {len(parts)} parts between gaps, expected one record without gaps: keep the rows of "
+            f"{path.name}: {len(pieces)} parts between gaps, expected one record without gaps: keep the rows of "
             f"one part in the file, the longest {longest.start:.6g} to {longest.time[-1]:.6g} s after the first row"
         )
-    return replace(parts[0], name=path.stem), [str(warning.message) for warning in caught]
+    return replace(pieces[0], name=path.stem), [str(warning.message) for warning in caught]
 
 
 def _simulated(name: str, duration: float | None, seed: int | None, threads: int | None) -> "JointLog":

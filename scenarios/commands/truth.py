@@ -112,6 +112,7 @@ def truth(
     }
     stated = {"variant": variant, "payload": payload, "pose": pose, **conditions}
     stated = {name: value for name, value in stated.items() if value is not None}
+    # Refused before the arm is linearised, which takes seconds.
     check_seed(seed)
     if threads is not None and bla is None and not maps:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
@@ -124,6 +125,7 @@ def truth(
     if out is not None and not maps:
         check_figure(out, overwrite=overwrite)
     arm, point, log = _arm_of_options(stated) if data is None else _arm_of_log(data, stated)
+    # Experiments and maps name their pose.
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
     summary = truth_summary(arm, linearize(arm, point))

@@ -109,6 +109,7 @@ def verify(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
+    # Before the imports below: the list does not need the bench.
     if list:
         return _listed(json=json)
     from scenarios.bench.estimator_files import EstimatorOptions, parse_estimators

@@ -100,6 +100,7 @@ def waveform(
         if is_stated and name not in NOT_OPTIONS:
             stated[name] = value
     excitation = _excitation(kind, stated, path, repeat_frequency)
+    # Before files are written: without power nothing is identified.
     check_excites(excitation)
     wave = excitation.waveform()
     name = kind if path is None else path.stem

@@ -43,6 +43,7 @@ def bandwidth_figure(study: BandwidthStudy) -> Figure:
     for axes, (joint, rows) in zip(panels, groups, strict=True):
         _panel(axes, study, joint, rows)
     ticks = [0.1, 0.2, 0.5, 1.0, 2.0, 5.0]
+    # Ratios count: intervals of bandwidths are symmetric on this scale.
     panels[0].set_xscale("log")
     panels[0].set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     panels[0].minorticks_off()

@@ -262,6 +262,7 @@ def _recording_of(log: JointLog, methods: Sequence[str]) -> Recording:
     (joint,) = log.axes
     for method in methods:
         structure(joint, method)  # refuses joints and methods that are not studied
+    # Rounded: the product may miss a length by its last digit.
     if round(len(log) * log.dt, 9) < SHORTEST:
         raise ScenarioError(f"{log.name}: a log of {len(log) * log.dt:g} s given, {ENOUGH}")
     if "scenario" not in log.provenance:

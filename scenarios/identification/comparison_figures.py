@@ -91,12 +91,12 @@ def side_by_side(
 
 
 def outputs_figure(
-    parts: Sequence[IOData], models: Sequence[JudgedModel], title: str, piece: tuple[float, float] | None = None
+    records: Sequence[IOData], models: Sequence[JudgedModel], title: str, piece: tuple[float, float] | None = None
 ) -> "Figure":
     """Draw the simulated outputs of models beside the measured ones, on the longest record.
 
     Args:
-        parts: The records about their means.
+        records: The records about their means.
         models: The models, judged on them.
         title: Title of the figure.
         piece: Start and length of the part that is drawn, s; `SHORT_PIECE` from the middle when None.
@@ -104,8 +104,8 @@ def outputs_figure(
     Raises:
         ScenarioError: The part does not lie in the record.
     """
-    longest = max(range(len(parts)), key=lambda k: len(parts[k]))
-    record = parts[longest]
+    longest = max(range(len(records)), key=lambda k: len(records[k]))
+    record = records[longest]
     seconds = len(record) * record.dt
     start, length = piece or (max(0.5 * (seconds - SHORT_PIECE), 0.0), min(SHORT_PIECE, seconds))
     if not (0.0 <= start < seconds and length > 0.0):
@@ -148,12 +148,13 @@ def _percents(model: JudgedModel) -> str:
 
 
 def _bode(models: Sequence[StyledModel], beside: Sequence[StyledModel], width: float) -> Iterator["str | Figure"]:
-    parts = models[0].result.fitted.parts
-    first = parts[0]
+    records = models[0].result.fitted.parts
+    first = records[0]
     alike = [drawn for drawn in models if _channels(drawn) == _channels(models[0])]
     curves = []
     with suppress(sysid.SysidError):  # records too short for a spectrum still have models to draw
-        response = sysid.spa(parts, lag=long_lag(parts)).determined()
+        response = sysid.spa(records, lag=long_lag(records)).determined()
+        # Of several channels the coherence tells no single path apart.
         if response.coherence is not None and response.coherence[0].size == 1:
             response = response.select(response.coherence[:, 0, 0] > COHERENT)
         curves += curves_of({"spectral analysis": response}, None)
@@ -162,6 +163,7 @@ def _bode(models: Sequence[StyledModel], beside: Sequence[StyledModel], width: f
     for i, j in product(range(first.ny), range(first.nu)):
         if first.ny * first.nu > 1:
             yield f"{(first.input_names or ())[j]} → {(first.output_names or ())[i]}"
+        # Relative to 0 Hz the bandwidth is where a curve crosses -3 dB.
         yield plots.bode(curves, output=i, input=j, relative_to_dc=True, size=(width, 1.1 * width))
     yield from _left_out(models, alike, "its channels are others")
 
@@ -217,11 +219,11 @@ def _channels(drawn: StyledModel) -> tuple[object, ...]:
     return record.input_names, record.output_names, record.dt
 
 
-def _same_samples(parts: Sequence[IOData], others: Sequence[IOData]) -> bool:
+def _same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
     """Whether records are the same samples, about any operating point."""
-    if len(parts) != len(others):
+    if len(records) != len(others):
         return False
-    for part, other in zip(parts, others, strict=True):
+    for part, other in zip(records, others, strict=True):
         outputs, other_outputs = part.retrend().y, other.retrend().y
         if outputs.shape != other_outputs.shape:
             return False

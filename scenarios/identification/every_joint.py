@@ -159,6 +159,7 @@ def joint_model(response: FrequencyResponse, joint: str, delay: int) -> Estimate
 
 def _delays(logs: Sequence[JointLog]) -> list[int]:
     """Delay of each joint, samples: first lag at which its angle correlates with its whitened command."""
+    # The arm first settles into its pose.
     start = round(SETTLING / logs[0].dt)
     records = [log.iodata(JOINTS)[start:] for log in logs]
     with warnings.catch_warnings():

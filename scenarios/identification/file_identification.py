@@ -98,30 +98,32 @@ def identify_files(
     if held_out is not None and validate is not None:
         raise ScenarioError("--held-out and --validate given; expected one: what judges the model")
     share = _held_out_share(orders, held_out, validate)
+    # Remarks of the readers belong to the result, for the command line and the page alike.
     with python_warnings.catch_warnings(record=True) as caught:
         python_warnings.simplefilter("always", UserWarning)
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
         pieces: list[IOData] = []
         for path in data:
             pieces += usable(read(path, joint=joint, test=test), skip, path, test)
-        parts = one_interval(pieces)
+        records = one_interval(pieces)
         check: tuple[IOData, ...] | None = None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
-            validation = read(validate, joint=joints_of(parts[0]) or joint, test=validate_test)
+            validation = read(validate, joint=joints_of(records[0]) or joint, test=validate_test)
             check = usable(validation, skip, validate, validate_test)
         elif share > 0.0:
-            parts, check = hold_out(parts, share)
+            records, check = hold_out(records, share)
             if held_out is not None and check is None:
-                samples = max(map(len, parts))
+                samples = max(map(len, records))
                 raise ScenarioError(
                     f"--held-out {share:g} given for {samples} samples in one piece, expected {SHORTEST} or more"
                 )
         choice: StructureChoice | None = None
+        # Without orders, the method alone limits the choice.
         if orders and method is not None:
-            result = identify(parts, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+            result = identify(records, method, orders, keep_mean=keep_mean, steps=steps, check=check)
         else:
-            result, choice = choose_and_identify(parts, method, keep_mean=keep_mean, steps=steps, check=check)
+            result, choice = choose_and_identify(records, method, keep_mean=keep_mean, steps=steps, check=check)
     title = f"{result.fitted.estimate.method.upper()} from {listed([path.name for path in data])}"
     if validate is not None:
         title += f", fits to {validate.name}"

@@ -118,7 +118,7 @@ class HammersteinLoop:
 
 
 def hammerstein_loop(
-    parts: Sequence[IOData], nb: int, nf: int, nk: int, *, widths: Sequence[float], width: float
+    records: Sequence[IOData], nb: int, nf: int, nk: int, *, widths: Sequence[float], width: float
 ) -> HammersteinLoop:
     """Fit the linear block of a loop with a known dead zone, from the output-error model that has none.
 
@@ -126,7 +126,7 @@ def hammerstein_loop(
     its numerator, and a dead zone of no width gives the model of `oe` again.
 
     Args:
-        parts: Records of one joint.
+        records: Records of one joint.
         nb: Coefficients of B.
         nf: Degree of F, at least nb.
         nk: Delay in samples from command to measurement, at least 1.
@@ -137,7 +137,7 @@ def hammerstein_loop(
         ScenarioError: Several inputs or outputs, nb above nf, nk below 1, no widths.
         SysidError: `oe` refuses the records.
     """
-    first = parts[0]
+    first = records[0]
     if first.nu != 1 or first.ny != 1:
         raise ScenarioError(f"hammerstein takes one joint; records of {first.nu} inputs and {first.ny} outputs given")
     if not 1 <= nb <= nf or nk < 1:
@@ -145,24 +145,25 @@ def hammerstein_loop(
             f"hammerstein orders {nb} {nf} {nk} given, expected nb nf nk with 1 <= nb <= nf and nk >= 1: the fed back "
             "angle answers a sample later, and F is what remains of the closed denominator less B"
         )
-    if len(widths) != len(parts):
-        raise ScenarioError(f"hammerstein: {len(widths)} widths of the dead zone given for {len(parts)} records")
-    command = float(np.concatenate([record.u for record in parts]).mean())
-    levels = [float(record.y.mean() - record.u.mean()) + command for record in parts]
-    centred = [record.subtract(u=record.u.mean(axis=0), y=record.y.mean(axis=0)) for record in parts]
+    if len(widths) != len(records):
+        raise ScenarioError(f"hammerstein: {len(widths)} widths of the dead zone given for {len(records)} records")
+    command = float(np.concatenate([record.u for record in records]).mean())
+    levels = [float(record.y.mean() - record.u.mean()) + command for record in records]
+    centred = [record.subtract(u=record.u.mean(axis=0), y=record.y.mean(axis=0)) for record in records]
     start = sysid.oe(centred, nb, nf, nk)
     polynomials = start.polynomials or Polynomials()
     b = polynomials.B[nk:]
+    # F of the open loop is the closed denominator less B.
     theta = np.array([*b, *(polynomials.F[1:] - np.pad(b, (0, nf - nb)))])
-    spread = float(np.concatenate([record.y for record in parts]).std())
+    spread = float(np.concatenate([record.y for record in records]).std())
     model = HammersteinLoop(theta, nb, nk - 1, width, command, 0.0, spread)
     # Every arm has a dead zone of its own, and the loop its coefficients.
     loops = [replace(model, width=of_arm) for of_arm in widths]
-    simulations = {id(record): loop.simulated for record, loop in zip(parts, loops, strict=True)}
+    simulations = {id(record): loop.simulated for record, loop in zip(records, loops, strict=True)}
 
     def simulate(shared: np.ndarray, private: np.ndarray, record: IOData) -> tuple[np.ndarray, np.ndarray]:
         return simulations[id(record)](shared, private, record)
 
     starts = [np.array([level, 0.0]) for level in levels]
-    theta, fitted = fit_simulation(simulate, theta, starts, parts)
+    theta, fitted = fit_simulation(simulate, theta, starts, records)
     return replace(model, theta=theta, level=float(np.mean([private[0] for private in fitted])))

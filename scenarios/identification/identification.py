@@ -106,11 +106,13 @@ class Identification:
         }
 
 
-def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, keep_mean: bool = False) -> FittedModel:
+def fit_model(
+    records: Sequence[IOData], method: str, orders: Sequence[Order], *, keep_mean: bool = False
+) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
 
     Args:
-        parts: Records without gaps that the method cannot use.
+        records: Records without gaps that the method cannot use.
         method: One of `ESTIMATORS`.
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
@@ -119,7 +121,7 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, 
         ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one.
         SysidError: The estimator refuses the records.
     """
-    first = parts[0]
+    first = records[0]
     if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
         several = ", ".join(name for name, estimator in ESTIMATORS.items() if estimator.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
@@ -128,9 +130,9 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, 
         # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:
-            model, used = run(tuple(parts)), tuple(parts)
+            model, used = run(tuple(records)), tuple(records)
         else:
-            about_point = fit_with_offset(run, parts)
+            about_point = fit_with_offset(run, records)
             model, used = about_point.estimate, about_point.parts
         band, longest = model.bandwidth(), max(used, key=len)
         claims = []
@@ -141,7 +143,7 @@ def fit_model(parts: Sequence[IOData], method: str, orders: Sequence[Order], *, 
 
 
 def identify(
-    parts: Sequence[IOData],
+    records: Sequence[IOData],
     method: str,
     orders: Sequence[Order],
     *,
@@ -152,30 +154,31 @@ def identify(
     """Fit a model and judge it on records.
 
     Args:
-        parts: Records to estimate from, as `usable` returns them.
+        records: Records to estimate from, as `usable` returns them.
         method: One of `ESTIMATORS`.
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
         steps: Horizon of the further prediction, samples.
-        check: Records to judge on; `parts` when None.
+        check: Records to judge on; `records` when None.
 
     Raises:
         ScenarioError: See `fit_model`.
         SysidError: The estimator refuses the records.
     """
-    fitted = fit_model(parts, method, orders, keep_mean=keep_mean)
+    fitted = fit_model(records, method, orders, keep_mean=keep_mean)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        checked = tuple(check or parts)
+        checked = tuple(check or records)
         if not keep_mean:
             # Records to judge on have an operating point of their own, which the model's dynamics tell.
             checked = subtract_means(checked)
             offset, _, _ = unexplained_offset(fitted.estimate.model, checked)
-            checked = tuple(part.subtract(y=offset) for part in checked)
+            checked = tuple(record.subtract(y=offset) for record in checked)
         (fit,) = sysid.compare({method: fitted.estimate}, checked, steps=steps)
         test, untested = None, ""
         try:
             test = sysid.resid(fitted.estimate, checked)
+        # Without a test, the simulated fit alone gives the verdict.
         except SysidError as error:
             untested = str(error)
     return Identification(fitted, checked, fit, test, untested, _remarks(fitted, judged_on_own_records=check is None))
@@ -198,24 +201,26 @@ def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None 
         raise ScenarioError(
             f"{path.name}: skip must be 0 to less than the record's {samples * dt:g} s, given {skip:g} s"
         )
+    # The start is that of all records together: it may reach over a gap.
     to_skip, kept = round(skip / dt), []
-    for part in records:
-        if len(part) > to_skip:
-            kept.append(part[to_skip:])
-        to_skip = max(to_skip - len(part), 0)
+    for record in records:
+        if len(record) > to_skip:
+            kept.append(record[to_skip:])
+        to_skip = max(to_skip - len(record), 0)
     _check_channels_move(kept, path, test)
+    # A single record without gaps may be short: the estimator itself says what it needs.
     if len(kept) == 1 and kept[0].complete:
         return (kept[0],)
-    long_enough = [part for part in kept if part.known.all(axis=1).sum() >= SHORTEST]
+    long_enough = [record for record in kept if record.known.all(axis=1).sum() >= SHORTEST]
     if not long_enough:
         raise ScenarioError(f"{path.name}: between the gaps no part has {SHORTEST} samples; nothing to identify from")
     return tuple(long_enough)
 
 
-def _check_channels_move(parts: Sequence[IOData], path: Path, test: str | None) -> None:
+def _check_channels_move(records: Sequence[IOData], path: Path, test: str | None) -> None:
     """Refuse constant channels, before the mean is removed, which would leave rounding where there was a constant."""
-    first = parts[0]
-    inputs, outputs = np.concatenate([part.u for part in parts]), np.concatenate([part.y for part in parts])
+    first = records[0]
+    inputs, outputs = np.concatenate([record.u for record in records]), np.concatenate([record.y for record in records])
     for side, values, names in (("input", inputs, first.input_names), ("output", outputs, first.output_names)):
         for column, name in zip(values.T, names or (), strict=True):
             if np.nanmin(column) != np.nanmax(column):
@@ -230,18 +235,18 @@ def _check_channels_move(parts: Sequence[IOData], path: Path, test: str | None) 
 
 def _remarks(fitted: FittedModel, *, judged_on_own_records: bool) -> tuple[str, ...]:
     """Remarks on gaps, missing samples, dependent inputs and bandwidths, and the estimator's own warnings."""
-    parts, first = fitted.parts, fitted.parts[0]
+    records, first = fitted.parts, fitted.parts[0]
     remarks = []
-    if len(parts) > 1:
+    if len(records) > 1:
         subject = "the model and the fits are" if judged_on_own_records else "the model is"
         remarks.append(
-            f"{subject} of {len(parts)} parts between lost samples or of several files, "
-            f"{sum(map(len, parts))} samples in all"
+            f"{subject} of {len(records)} parts between lost samples or of several files, "
+            f"{sum(map(len, records))} samples in all"
         )
-    missing, samples = sum(int((~part.known).sum()) for part in parts), sum(part.y.size for part in parts)
+    missing, samples = sum(int((~record.known).sum()) for record in records), sum(record.y.size for record in records)
     if missing:
         remarks.append(f"{missing} of {samples} output samples are missing")
-    inputs = input_independence(max(parts, key=len).scored.u, first.input_names or (), lags=LAGS)
+    inputs = input_independence(max(records, key=len).scored.u, first.input_names or (), lags=LAGS)
     if inputs is not None and inputs.condition > LIMIT:
         remarks.append(
             f"the inputs {', '.join(inputs.names)} move together (condition {inputs.condition:.3g} between them, limit "

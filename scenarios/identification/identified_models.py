@@ -78,6 +78,7 @@ class IdentifiedModels:
         self.selected = self._last = self._last + 1
         self.listed[self._last] = model.renamed(f"{self._last}: {model.name}", self._unused_style(model.style))
         self._changed()
+        # Another computation may have begun since: figures wait for it.
         self._work.when_free(FIGURES, self._draw)
 
     def _unused_style(self, preferred: Style) -> Style:

@@ -119,16 +119,16 @@ def compare_models(
         ScenarioError: A model does not go with the record: other joints, another sampling interval, no truth known.
         SysidError: An estimator refuses the records.
     """
-    parts = usable(records, skip, path, test)
-    about_means = tuple(parts) if keep_mean else subtract_means(parts)
+    judging = usable(records, skip, path, test)
+    about_means = tuple(judging) if keep_mean else subtract_means(judging)
     models: list[JudgedModel] = []
     for name in names:
         if name.is_estimated:
             source = usable(estimation or records, skip, estimation_path or path, test)
-            result = identify(source, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=parts)
+            result = identify(source, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=judging)
             models.append(judged_identification(result, about_means))
         else:
-            for known in known_models(name, parts[0], path):
+            for known in known_models(name, judging[0], path):
                 models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, steps=steps))
     return about_means, tuple(models)
 
@@ -144,7 +144,7 @@ def judged_identification(result: Identification, about_means: Sequence[IOData])
     method = fitted.estimate.method
     label = f"{method.upper()} {'/'.join(map(str, fitted.orders.values()))}"
     # The same samples twice, about their means and about the model's own operating point.
-    differences = [part.y - checked.y for part, checked in zip(about_means, result.checked, strict=True)]
+    differences = [record.y - checked.y for record, checked in zip(about_means, result.checked, strict=True)]
     claims = np.array([[(claim.hz, claim.low, claim.high) for claim in row] for row in fitted.claims])
     return JudgedModel(
         label=label,
@@ -163,7 +163,7 @@ def records_about_means(result: Identification) -> Sequence[IOData]:
     """Return the records that judge a model about their means; as they are where it has no operating point."""
     if result.fitted.estimate.operating_point is None:
         return result.checked
-    return subtract_means([part.retrend() for part in result.checked])
+    return subtract_means([record.retrend() for record in result.checked])
 
 
 def _judged_known(
@@ -175,10 +175,11 @@ def _judged_known(
         level, checked = np.zeros(model.ny), about_means
     else:
         level = unexplained_offset(model, about_means)[0]
-        checked = tuple(part.subtract(y=level) for part in about_means)
+        checked = tuple(record.subtract(y=level) for record in about_means)
     (fit,) = sysid.compare({known.label: model}, checked, steps=steps)
     hz = model.bandwidth()
     ci95 = np.full((*hz.shape, 2), np.nan)
+    # A saved estimate has the covariance that intervals need; a matrix that is printed has none.
     band = known.model.bandwidth() if isinstance(known.model, Estimate) else None
     if band is not None:
         hz, ci95 = band.hz, np.stack(band.ci95, axis=-1)

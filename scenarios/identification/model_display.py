@@ -81,16 +81,18 @@ def known_beside(found: FileIdentification, path: Path) -> tuple[tuple[JudgedMod
     Returns:
         The models, and why there is no truth or no printed model; neither for records that are of no single joint.
     """
-    parts = [part.retrend() for part in found.result.checked]
-    if len(joints_of(parts[0])) != 1:
+    records = [record.retrend() for record in found.result.checked]
+    if len(joints_of(records[0])) != 1:
         return (), ()
+    # As the identified model was judged, so that the fits compare.
     keep_mean = found.result.fitted.estimate.operating_point is None
     judged: list[JudgedModel] = []
     remarks: list[str] = []
     for kind, words in (("truth", "truth"), ("published", "printed model")):
         try:
-            _, models = compare_models([ModelName(kind, kind)], parts, path, keep_mean=keep_mean)
+            _, models = compare_models([ModelName(kind, kind)], records, path, keep_mean=keep_mean)
             judged += models
+        # A foreign record has neither; the page says so beside the model.
         except (ScenarioError, TwinError) as error:
             remarks.append(f"no {words}: {error}")
     return tuple(judged), tuple(remarks)

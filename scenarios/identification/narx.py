@@ -79,11 +79,13 @@ def forward_regression(table: np.ndarray, samples: int) -> tuple[np.ndarray, np.
         usable[chosen] = False
         gains = np.where(usable, (target @ left) ** 2 / np.where(usable, powers, 1.0), 0.0)
         best = int(np.argmax(gains))
+        # What is left explains rounding; NaN ends the choice too.
         if not gains[best] > EXACT * energy:
             break
         direction = left[:, best] / np.sqrt(powers[best])
         left -= np.outer(direction, direction @ left)
         target -= direction * (direction @ target)
+        # Rounding may make it zero, whose logarithm the criterion cannot take.
         rest = max(float(target @ target), EXACT * energy)
         chosen.append(best)
         ratios.append(float(gains[best]) / energy)
@@ -155,7 +157,7 @@ class Narx:
         return f"narx:{self.na}/{self.nb}/{self.nk}/{self.factors.shape[1]}"
 
 
-def narx(parts: Sequence[IOData], na: int, nb: int, nk: int, degree: int) -> Narx:
+def narx(experiments: Sequence[IOData], na: int, nb: int, nk: int, degree: int) -> Narx:
     """Fit a polynomial NARX model to records of one output, each over its spread.
 
     Candidates are all monomials up to a degree in na past outputs and nb inputs, the constant among them
@@ -165,7 +167,7 @@ def narx(parts: Sequence[IOData], na: int, nb: int, nk: int, degree: int) -> Nar
     with one term more diverges [Piroddi2003].
 
     Args:
-        parts: Records with one output.
+        experiments: Records with one output.
         na: Number of past outputs.
         nb: Number of values of each input.
         nk: Delay of the first of them in samples.
@@ -174,7 +176,7 @@ def narx(parts: Sequence[IOData], na: int, nb: int, nk: int, degree: int) -> Nar
     Raises:
         ScenarioError: More than `MOST_CANDIDATES` candidates, or records shorter than the lags.
     """
-    nu = parts[0].nu
+    nu = experiments[0].nu
     count = math.comb(na + nu * nb + degree, degree)
     if count > MOST_CANDIDATES:
         raise ScenarioError(
@@ -182,17 +184,17 @@ def narx(parts: Sequence[IOData], na: int, nb: int, nk: int, degree: int) -> Nar
             f"{MOST_CANDIDATES} or less; lower na, nb or degree"
         )
     lags = max(na, nk + nb - 1)
-    shortest = min(len(record) - max(record.window, lags) for record in parts)
+    shortest = min(len(record) - max(record.window, lags) for record in experiments)
     if shortest < 1:
         raise ScenarioError(f"narx orders {na} {nb} {nk} {degree} given, a record has no sample behind {lags} lags")
-    signals = np.concatenate([np.hstack([record.u, record.y]) for record in parts])
+    signals = np.concatenate([np.hstack([record.u, record.y]) for record in experiments])
     levels, spreads = signals.mean(axis=0), signals.std(axis=0)
     # The constant counts as a regressor of degree 0: products of fewer factors are filled up with it.
     factors = np.array(list(combinations_with_replacement(range(1 + na + nu * nb), degree)))
     # A channel that does not move has no scale.
     empty = Narx(na, nb, nk, factors, np.zeros(count), levels, np.where(spreads > 0.0, spreads, 1.0))
     records = []
-    for record, weight in zip(parts, record_weights(parts) * spreads[-1], strict=True):
+    for record, weight in zip(experiments, record_weights(experiments) * spreads[-1], strict=True):
         inputs, y = empty.scaled(record)
         records.append(_Regression(inputs, y, weight, max(record.window, lags)))
     triangle, samples = _candidate_triangle(records, na, factors)

@@ -151,7 +151,7 @@ def in_units(record: IOData, levels: np.ndarray, spreads: np.ndarray) -> IOData:
 
 
 def neural_ss(
-    parts: Sequence[IOData], order: int, neurons: int, *, seed: int, iterations: int = ITERATIONS
+    records: Sequence[IOData], order: int, neurons: int, *, seed: int, iterations: int = ITERATIONS
 ) -> NeuralStateSpace:
     """Fit a neural state-space model to records of one output in simulation, from the best linear model.
 
@@ -161,7 +161,7 @@ def neural_ss(
     to what covers the smallest, each with its bend within.
 
     Args:
-        parts: Records with one output.
+        records: Records with one output.
         order: Order of the linear model: nb and nf of `oe`, of each input.
         neurons: Number of neurons h.
         seed: Of the random input weights.
@@ -173,25 +173,27 @@ def neural_ss(
     """
     if order < 1 or neurons < 1:
         raise ScenarioError(f"neural_ss orders {order} {neurons} given, expected an order and neurons of 1 or more")
-    nu = parts[0].nu
+    nu = records[0].nu
     n = order * nu  # states of `oe`: a block for each input
-    count, samples = n * (n + nu) + n + 1 + neurons * (2 * n + nu + 1), sum(len(record) for record in parts)
+    count, samples = n * (n + nu) + n + 1 + neurons * (2 * n + nu + 1), sum(len(record) for record in records)
     if count > min(MOST_PARAMETERS, samples):
         raise ScenarioError(
             f"neural_ss orders {order} {neurons} given: {count} parameters, expected {MOST_PARAMETERS} or less, and "
             f"not more than the {samples} samples"
         )
-    signals = np.concatenate([np.hstack([record.u, record.y]) for record in parts])
+    signals = np.concatenate([np.hstack([record.u, record.y]) for record in records])
     levels, spreads = signals.mean(axis=0), signals.std(axis=0)
     if not (spreads > 0.0).all():
         raise ScenarioError("neural_ss: an input or the output is constant, which identifies nothing")
-    scaled = [in_units(record, levels, spreads) for record in parts]
+    scaled = [in_units(record, levels, spreads) for record in records]
     linear, starts = _linear_start(scaled, order)
     rng = np.random.default_rng(seed)
     motion = [float(record.y.std()) for record in scaled]
     steep = np.geomspace(1.0, 1.0 / min(1.0, *motion), neurons)
+    # Over the root of their number, so that sums of inputs keep unit spread.
     V = steep[:, None] * rng.standard_normal((neurons, n + nu)) / np.sqrt(n + nu)
     b = rng.uniform(-1.0, 1.0, neurons)
+    # Output weights of zero: the search starts at the linear model.
     blocks = (linear.A, linear.B, linear.C, np.zeros(1), np.zeros((n, neurons)), V, b)
     theta = np.concatenate([np.ravel(block) for block in blocks])
     model = NeuralStateSpace(theta, n, neurons, linear, levels, spreads)

@@ -71,25 +71,25 @@ class NonlinearMethod(Structure):
 
 
 # The models are imported when they are first used: Numba and the fits would slow the command line's help.
-def _narx(parts: Sequence[IOData], orders: Sequence[int], _: Known) -> Predictor:
+def _narx(records: Sequence[IOData], orders: Sequence[int], _: Known) -> Predictor:
     from scenarios.identification.narx import narx
 
     na, nb, nk, degree = orders
-    return narx(parts, na, nb, nk, degree)
+    return narx(records, na, nb, nk, degree)
 
 
-def _neural_ss(parts: Sequence[IOData], orders: Sequence[int], known: Known) -> Predictor:
+def _neural_ss(records: Sequence[IOData], orders: Sequence[int], known: Known) -> Predictor:
     from scenarios.identification.neural_state_space import neural_ss
 
     order, neurons = orders
-    return neural_ss(parts, order, neurons, seed=known.seed)
+    return neural_ss(records, order, neurons, seed=known.seed)
 
 
-def _hammerstein(parts: Sequence[IOData], orders: Sequence[int], known: Known) -> Predictor:
+def _hammerstein(records: Sequence[IOData], orders: Sequence[int], known: Known) -> Predictor:
     from scenarios.identification.hammerstein_loop import hammerstein_loop
 
     nb, nf, nk = orders
-    return hammerstein_loop(parts, nb, nf, nk, widths=known.dead_zones, width=known.dead_zone)
+    return hammerstein_loop(records, nb, nf, nk, widths=known.dead_zones, width=known.dead_zone)
 
 
 NONLINEAR: Mapping[str, NonlinearMethod] = MappingProxyType(

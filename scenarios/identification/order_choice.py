@@ -27,7 +27,7 @@ LEVEL_ORDERS = (8, *range(1, 9))
 
 
 def choose_and_identify(
-    parts: Sequence[IOData],
+    records: Sequence[IOData],
     method: str | None,
     *,
     keep_mean: bool = False,
@@ -37,7 +37,7 @@ def choose_and_identify(
     """Choose structure, delay and orders, fit the model with its operating point, and judge it.
 
     Args:
-        parts: Records to estimate from, as `usable` returns them.
+        records: Records to estimate from, as `usable` returns them.
         method: One of arx, armax, oe, bj; None tries all.
         keep_mean: Whether to take values as they are, without an operating point.
         steps: Horizon of the further prediction, samples.
@@ -55,28 +55,28 @@ def choose_and_identify(
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:
-            about = parts
-        elif parts[0].ny > 1:
-            about = subtract_means(parts)
+            about = records
+        elif records[0].ny > 1:
+            about = subtract_means(records)
         else:
-            about = _about_operating_point(parts)
+            about = _about_operating_point(records)
         choice = sysid.auto(about, methods=None if method is None else [method])
-        result = identify(parts, *_chosen(choice), keep_mean=keep_mean, steps=steps, check=check)
+        result = identify(records, *_chosen(choice), keep_mean=keep_mean, steps=steps, check=check)
     return result, choice
 
 
-def _about_operating_point(parts: Sequence[IOData]) -> Sequence[IOData]:
+def _about_operating_point(records: Sequence[IOData]) -> Sequence[IOData]:
     """Subtract the operating point; about the means alone, candidates take the offset of a transient for dynamics.
 
     Without noise, orders that are too high fit any offset by a pole at one that a zero cancels.
     """
-    about = subtract_means(parts)
+    about = subtract_means(records)
     for order in LEVEL_ORDERS:
         with suppress(sysid.SysidError):  # too few samples for this order
-            fit = fit_with_offset(partial(sysid.arx, na=order, nb=order, nk=1), parts)
+            fit = fit_with_offset(partial(sysid.arx, na=order, nb=order, nk=1), records)
             about = fit.parts
             power = sum(float(np.nansum(record.y**2)) for record in fit.parts)
-            samples = sum(int(record.known.sum()) for record in parts)
+            samples = sum(int(record.known.sum()) for record in records)
             is_exact = fit.estimate.loss * samples <= EXACT * power
             # The highest order comes first: it decides unless it fits exactly, then the lowest that does.
             is_first = order == LEVEL_ORDERS[0]
@@ -93,13 +93,14 @@ def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:
 
 
 def hold_out(
-    parts: tuple[IOData, ...], share: float = HELD_OUT
+    records: tuple[IOData, ...], share: float = HELD_OUT
 ) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
     """Records to estimate from, and the end of the longest one, which judges the model; None if it is too short."""
-    longest = max(range(len(parts)), key=lambda k: len(parts[k]))
-    if len(parts[longest]) < SHORTEST:
-        return parts, None
-    end = round((1.0 - share) * len(parts[longest]))
-    to_estimate = list(parts)
-    to_estimate[longest] = parts[longest][:end]
-    return tuple(to_estimate), (parts[longest][end:],)
+    longest = max(range(len(records)), key=lambda k: len(records[k]))
+    # So short a record is needed whole for the choice; it then judges its own model.
+    if len(records[longest]) < SHORTEST:
+        return records, None
+    end = round((1.0 - share) * len(records[longest]))
+    to_estimate = list(records)
+    to_estimate[longest] = records[longest][:end]
+    return tuple(to_estimate), (records[longest][end:],)

@@ -236,6 +236,7 @@ def recover(
             else:
                 row["label"] = chosen.label
                 row["orders"] = ESTIMATORS[chosen.estimator].complete(chosen.estimator, chosen.orders)
+                # The record is settled and without means already.
                 row |= _of_model(fit_model([data], chosen.estimator, chosen.orders, keep_mean=True))
         except SysidError as error:
             row["reasons"] = (str(error),)

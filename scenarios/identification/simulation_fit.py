@@ -33,7 +33,7 @@ def compiled(function: Callable[..., Any]) -> Any:
         return njit(error_model="numpy")(function)
 
 
-def record_weights(parts: Sequence[IOData]) -> np.ndarray:
+def record_weights(records: Sequence[IOData]) -> np.ndarray:
     """Return one over the spread of each record's output (parts,).
 
     A model that misses something errs in proportion to the motion, far above the noise. Without the weights the largest
@@ -42,7 +42,7 @@ def record_weights(parts: Sequence[IOData]) -> np.ndarray:
     Raises:
         ScenarioError: An output does not move.
     """
-    spreads = np.array([record.y[:, 0].std() for record in parts])
+    spreads = np.array([record.y[:, 0].std() for record in records])
     if not spreads.all():
         raise ScenarioError("an output of a training record does not move, expected motion to identify a model from")
     return 1.0 / spreads
@@ -52,7 +52,7 @@ def fit_simulation(
     simulate: Simulate,
     shared: np.ndarray,
     own: Sequence[np.ndarray],
-    parts: Sequence[IOData],
+    records: Sequence[IOData],
     *,
     weights: np.ndarray | None = None,
     max_iterations: int = 100,
@@ -65,7 +65,7 @@ def fit_simulation(
         simulate: The model.
         shared: Initial parameters theta (p,).
         own: Initial values of what each record has for itself, xi_r (q,): its initial state, its level.
-        parts: Records with one output.
+        records: Records with one output.
         weights: Weight of each record; `record_weights` by default.
         max_iterations: Limit on the accepted steps.
 
@@ -76,9 +76,9 @@ def fit_simulation(
         ScenarioError: The simulation diverges at the start, or an output does not move.
     """
     if weights is None:
-        weights = record_weights(parts)
+        weights = record_weights(records)
     p, q = len(shared), len(own[0])
-    samples = sum(len(record) - record.window for record in parts)
+    samples = sum(len(record) - record.window for record in records)
 
     def private_of(theta: np.ndarray, k: int) -> np.ndarray:
         return theta[p + q * k : p + q * (k + 1)]
@@ -86,7 +86,7 @@ def fit_simulation(
     def criterion(theta: np.ndarray, _: np.ndarray) -> Linearisation | None:
         count = len(theta)
         triangles = []
-        for k, record in enumerate(parts):
+        for k, record in enumerate(records):
             output, slopes = simulate(theta[:p], private_of(theta, k), record)
             table = weights[k] * np.column_stack([slopes, output - record.y[:, 0]])[record.window :]
             if not np.abs(table).max() < LARGEST:
@@ -102,10 +102,10 @@ def fit_simulation(
     if initial is None:
         raise ScenarioError("the simulation of the initial model diverges on the records")
     energy = 0.0
-    for weight, record in zip(weights, parts, strict=True):
+    for weight, record in zip(weights, records, strict=True):
         energy += float(weight * weight * np.sum((record.y - record.y.mean()) ** 2))
     theta = levenberg_marquardt(criterion, initial, energy, max_iterations=max_iterations).at.theta
-    return theta[:p], [private_of(theta, k) for k in range(len(parts))]
+    return theta[:p], [private_of(theta, k) for k in range(len(records))]
 
 
 def _triangle_of_record(table: np.ndarray, k: int, sizes: tuple[int, int, int]) -> np.ndarray:
@@ -137,6 +137,7 @@ def fit_to_window(simulate: Simulate, shared: np.ndarray, own: np.ndarray, recor
         return output, slopes[:, len(shared) :]
 
     window = replace(record, window=0)[: record.window]
+    # Few parameters converge in few steps; the weight of a single record does not matter.
     _, (fitted,) = fit_simulation(private, np.zeros(0), [own], [window], weights=np.ones(1), max_iterations=20)
     return fitted
 

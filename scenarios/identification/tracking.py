@@ -62,6 +62,7 @@ class Tracking:
     def stretches(self) -> tuple[Stretch, ...]:
         """The parts with one payload each; where they are not known, those between the detected changes."""
         times = self.track.times
+        # The last sample lasts one interval more; its sum has rounding that a table would show.
         end = round(float(2.0 * times[-1] - times[-2]), 9)
         ends = [float(times[0]), *(change.time for change in self.track.changes), end]
         return self.truth or tuple(Stretch(begin, end) for begin, end in pairwise(ends))
@@ -210,6 +211,7 @@ def best_linear_servo(
     linear = truth.model.frequency_response
     f, values = response.frequencies, response.response[:, 0, 0]
     ratio = values / linear(f)[:, 0, 0]
+    # So fine that the crossing needs no interpolation of its own.
     fine = np.geomspace(f[0], f[-1], 4000)
     size = np.abs(linear(fine)[:, 0, 0]) * np.interp(fine, f, np.abs(ratio))
     static_gain = truth.dc_gain * np.abs(ratio[0]) if gain is None else gain
@@ -231,5 +233,6 @@ def best_linear_servo(
 
 def phase_delay(response: Callable[[np.ndarray], np.ndarray], hz: float) -> float:
     """Return the phase delay in s of a frequency response at a frequency in Hz, its phase followed from 0 Hz on."""
+    # From near 0 Hz on, so that the phase is unwrapped from zero; at 0 Hz an integrator has none.
     values = response(np.linspace(1e-3 * hz, hz, 400))[:, 0, 0]
     return float(-np.unwrap(np.angle(values))[-1] / (2.0 * np.pi * hz))

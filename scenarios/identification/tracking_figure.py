@@ -51,7 +51,7 @@ def _draw_quantity(axes: Axes, tracking: Tracking, name: str, scale: float) -> N
 def _draw_truth(axes: Axes, stretch: Stretch, name: str, scale: float, *, with_label: bool) -> list[float]:
     """Draw both truths of a part of the record, and return the values that must be seen."""
     truth, bla = PALETTE["truth"], PALETTE["bla"]
-    labels = ("small-signal truth", "best linear truth, 95 %") if with_label else (None, None)
+    labels = ("small-signal truth", "best linear truth, 95 %") if with_label else ("_nolegend_", "_nolegend_")
     span = stretch.begin, stretch.end
     if name == "bandwidth":
         linear, best = scale * stretch.small_signal_hz, scale * stretch.best_linear_hz
