@@ -60,8 +60,9 @@ def replacing(path: Path, *, durable: bool = False) -> Iterator[Path]:
 
 def write_whole(path: Path, content: str | bytes, *, durable: bool = False) -> None:
     """Write a text as UTF-8, or bytes, whole or not at all; see `replacing`."""
+    encoded = content.encode() if isinstance(content, str) else content
     with replacing(path, durable=durable) as partial:
-        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+        partial.write_bytes(encoded)
 
 
 def write_files(folder: Path, files: Mapping[str, bytes]) -> None:

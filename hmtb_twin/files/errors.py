@@ -36,8 +36,10 @@ LONGEST = 60
 
 def shown(value: object) -> str:
     """Quote a wrong value in an error: on one line, cut where it is long, numbers of NumPy as plain ones."""
+    # `repr` of a number of NumPy names its type.
+    written = str if isinstance(value, Real) else repr
     try:
-        text = " ".join((str if isinstance(value, Real) else repr)(value).split())
+        text = " ".join(written(value).split())
     except (ValueError, RecursionError):
         # Python prints neither whole numbers of thousands of digits nor lists in lists without end.
         return f"a value of type {type(value).__name__}"

@@ -17,7 +17,8 @@ def array_hash(array: np.ndarray) -> str:
     """
     ordered = np.ascontiguousarray(array, dtype=array.dtype.newbyteorder("<"))
     digest = sha256(f"{ordered.dtype.str} {array.shape}\n".encode())
-    digest.update(ordered.data if ordered.size else b"")
+    if ordered.size:
+        digest.update(ordered.data)
     return digest.hexdigest()
 
 

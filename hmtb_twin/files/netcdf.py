@@ -107,12 +107,15 @@ def read_netcdf(path: Path, *, only: Collection[str] | None = None) -> Contents:
         # h5netcdf takes five times as long as h5py, mostly for attributes.
         arrays = read_apart(hdf5_listing, path, ["NAME"], False)
         _check(arrays, path)
-        names = [array["name"] for array in arrays if (only is None or array["name"] in only) and _is_variable(array)]
+        names = [array["name"] for array in arrays if _is_variable(array)]
+        if only is not None:
+            names = [name for name in names if name in only]
         of_file, *contents = read_apart(hdf5_contents, path, ["/", *names], None, True)
-        variables = {
-            name: Variable(_dimensions(name, content), np.asarray(content["values"]), _attributes(content))
-            for name, content in zip(names, contents, strict=True)
-        }
+        variables: dict[str, Variable] = {}
+        for name, content in zip(names, contents, strict=True):
+            # A scalar comes as a number.
+            values = np.asarray(content["values"])
+            variables[name] = Variable(_dimensions(name, content), values, _attributes(content))
         return Contents(variables, _attributes(of_file))
     except FileNotFoundError:
         raise TwinError(f"no file {path}: expected NetCDF4") from None

@@ -168,8 +168,9 @@ def _sequence_hook(kind: Any) -> Callable[[Any, Any], tuple[Any, ...]]:
             raise _WrongValueError(f"must be a list of {described}, given {shown(value)}")
         result = []
         for index, item in enumerate(value):
+            item_type = types[0] if length is None else types[index]
             try:
-                result.append(_CONVERTER.structure(item, types[0 if length is None else index]))
+                result.append(_CONVERTER.structure(item, item_type))
             except (ExceptionGroup, _WrongValueError) as error:
                 # From this note `_problems` takes the place of the value.
                 error.add_note(IterableValidationNote("", index, types[0]))

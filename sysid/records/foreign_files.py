@@ -66,7 +66,8 @@ def hdf5_listing(path: str, attributes: Sequence[str], nested: bool) -> list[dic
     import h5py
 
     with h5py.File(path, "r") as file:
-        return list(_items(file, "", attributes, {file["/"]} if nested else None))
+        entered = {file["/"]} if nested else None
+        return list(_items(file, "", attributes, entered))
 
 
 def _items(group: Any, prefix: str, attributes: Sequence[str], entered: set[Any] | None) -> Iterator[dict[str, Any]]:
@@ -159,7 +160,9 @@ def _plain(values: Any) -> Any:
     """Texts of any length, which are objects in NumPy, as Unicode."""
     if values.dtype.kind != "O":
         return values
-    texts = [text.decode() if isinstance(text, bytes) else str(text) for text in values.ravel()]
+    texts = []
+    for element in values.ravel():
+        texts.append(element.decode() if isinstance(element, bytes) else str(element))
     return np.array(texts).reshape(values.shape)
 
 

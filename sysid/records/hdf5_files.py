@@ -58,11 +58,11 @@ def list_arrays(file: Path, damaged: str, attributes: Sequence[str], *, nested: 
         if item["holds"] in ("link", "elsewhere"):
             name = item["name"].rpartition("/")[2]
             raise SysidError(f"{file.name}: {damaged} ({name!r} may lead to another file; expected arrays in this one)")
-    return [
-        ListedArray(item["name"], tuple(item["shape"]), item["kind"], item["attributes"])
-        for item in items
-        if item["holds"] == "array"
-    ]
+    arrays = []
+    for item in items:
+        if item["holds"] == "array":
+            arrays.append(ListedArray(item["name"], tuple(item["shape"]), item["kind"], item["attributes"]))
+    return arrays
 
 
 def read_arrays(

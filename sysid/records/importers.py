@@ -314,11 +314,12 @@ def records_of(
         clock = Stamps(interval * np.arange(count, dtype=np.float64), 0.0, ())
     if len(clock.seconds) != count:
         raise SysidError(f"{file.name}: {clock_name} has {len(clock.seconds)} samples, the channels have {count}")
-    u = [_signal(name, clock.seconds, columns[name], units.get(name, "")) for name in choice.inputs]
-    y = [_signal(name, clock.seconds, columns[name], units.get(name, "")) for name in choice.outputs]
+    signals: dict[str, Signal] = {}
+    for name in choice.channels:
+        signals[name] = _signal(name, clock.seconds, columns[name], units.get(name, ""))
     return experiments(
-        u,
-        y,
+        [signals[name] for name in choice.inputs],
+        [signals[name] for name in choice.outputs],
         interval,
         missing=choice.missing,
         cut=choice.cut,
