@@ -226,6 +226,7 @@ def own_files(estimator: Estimator) -> dict[str, bytes]:
     lies_in_home = module.endswith(".py") or first.removesuffix(".py") == module.partition(".")[0]
     if first in OURS or not lies_in_home:
         return {}
+    # Our own packages are left out: their version stands for them, see `OURS`.
     finder = ModuleFinder(path=[str(home)], excludes=list(OURS))
     # A file that cannot be parsed cannot be imported either, and its estimator reports that. AttributeError:
     # ModuleFinder fails on namespace packages.

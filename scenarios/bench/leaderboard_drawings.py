@@ -188,6 +188,7 @@ def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
     axes.set(xscale="log", yscale="log", xlabel="time of an answer / times the reference")
     axes.set_ylabel("rms error of the response / %")
     dress([axes])
+    # Large marks at the edges need room.
     axes.margins(0.14, 0.12)
     plain_marks(axes.xaxis, axes.get_xlim())
     plain_marks(axes.yaxis, axes.get_ylim())
@@ -297,6 +298,7 @@ def _strips(rows: Sequence[LeaderboardRow], titles: Sequence[str]) -> tuple[Figu
     by_title = dict(zip(titles, panels.flat, strict=False))
     for words, axes in by_title.items():
         axes.set_title(words.replace("_", " "), fontsize=8, loc="left")
+    # Downwards, as the rows of the tables.
     panels[0, 0].set_ylim(len(rows) - 0.45, -0.55)
     panels[0, 0].set_yticks(range(len(rows)), [_short_title(row) for row in rows])
     return figure, by_title

@@ -178,6 +178,7 @@ def _sorting_key(result: Result, judged: Collection[str]) -> tuple[int, int, int
     counts = count(result.metrics.get(name) for name in judged)
     # An estimator may lack a time without harm: what is timed is no matter of its models.
     unjudged = count(result.metrics.get(name) for name in judged if name != "speed")[Verdict.NONE]
+    # Rows without a value of efficiency stand behind those with one.
     efficiency = result.metrics.get("efficiency")
     variance = inf if efficiency is None or isnan(efficiency.value) else efficiency.value
     return counts[Verdict.FAILS], unjudged, -counts[Verdict.PASSES], variance, result.estimator.name

@@ -154,6 +154,7 @@ def failures(rows: Sequence[LeaderboardRow]) -> Table:
     present: set[str] = set()
     for row in rows:
         present |= {outcome for outcome, times in row.result.outcomes.items() if times}
+    # Kinds that this version does not know come last.
     outcomes = [outcome for outcome in KINDS if outcome in present] + sorted(present - KINDS.keys())
     table_rows = []
     for row in rows:

@@ -138,6 +138,7 @@ class Evidence:
             # One infinite response would make every mean infinite.
             if m.kind == MODEL and m.response is not None and np.isfinite(m.response).all():
                 good.append(m)
+            # Trials without a model count as run, so that a share of models can be told.
             groups[m.trial.problem] = (good, run + 1)
         return groups
 

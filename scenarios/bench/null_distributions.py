@@ -127,5 +127,6 @@ Of several bandwidths this is the share, as if all erred together: the widest di
 @lru_cache(maxsize=64)
 def null_chi_square(freedom: int) -> FloatArray:
     """Chi-square over its degrees of freedom at evenly spaced probabilities (M,): free of sampling error."""
+    # Midpoints of equal shares of the probability.
     values = chi2.ppf((np.arange(NULL_RECORDS) + 0.5) / NULL_RECORDS, freedom) / freedom
     return np.asarray(values + 1.0 - np.mean(values))

@@ -197,6 +197,7 @@ def verify(
             journals.append(stack.enter_context(closing(journal)))
         jobs = remaining_jobs(wanted, [journal.done for journal in journals])
         total = sum(map(len, wanted))
+        # Trials of an interrupted run are in its journal.
         if kept := total - sum(len(job.requests) for job in jobs):
             notify(f"{kept} of {total} trials are done already; remove {folder / JOURNALS} to run them again")
         if records is not None and (twins := twin_trials(jobs)):
