@@ -7,7 +7,7 @@ from pathlib import Path
 from scenarios.bench.leaderboard_verdict import verdict
 from scenarios.bench.metric import UNLIMITED, Metric, worst_part
 from scenarios.bench.result import Result
-from scenarios.experiments.opened import Opened
+from scenarios.experiments.presentation import Presentation
 from scenarios.experiments.recipe import Recipe
 from scenarios.files.printable import one_line
 
@@ -69,7 +69,7 @@ def _passes_if(metric: Metric) -> str:
     return UNKNOWN if ends == UNLIMITED else limits(ends)
 
 
-def open_result(path: Path) -> Opened:
+def open_result(path: Path) -> Presentation:
     """Open a file of results."""
     result = Result.read(path)
     code = (
@@ -77,7 +77,7 @@ def open_result(path: Path) -> Opened:
         f"result = Result.read(Path({str(path)!r}))"
     )
     answers = ", ".join(f"{times} {outcome}" for outcome, times in result.outcomes.items())
-    return Opened(
+    return Presentation(
         "result of the test bench",
         str(path),
         Recipe([("hmtb", "leaderboard", str(path))], code),

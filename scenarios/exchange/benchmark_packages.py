@@ -1,6 +1,6 @@
 """Data sets of the package as the packages `nonlinear_benchmarks` [Champneys2024] and IdentiBench take them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,17 +52,21 @@ def nonlinear_benchmark(
     except ImportError as error:
         raise ScenarioError(f"the package nonlinear_benchmarks is not installed: {INSTALL}") from error
     selected = load_dataset(name, cache=cache).select(joint=joint, block=block)
-    train, test = ([_input_output_data(one) for part in parts for one in selected.records(part)] for parts in _SPLIT)
+    # The package has two parts: validation records belong to the first.
+    train = [_input_output_data(record) for record in (*selected.train, *selected.validation)]
+    test = [_input_output_data(record) for record in selected.test]
     if not train_test_split:
         return atleast_2d_fun((*train, *test), apply=atleast_2d)
     if not train or not test:
-        raise ScenarioError(
-            f"{name}: no {'test' if train else 'training'} records selected; train_test_split=False has all"
-        )
-    parts = (part[0] if len(part) == 1 else tuple(part) for part in (train, test))
-    return always_return_tuples_of_datasets_fun(
-        *(atleast_2d_fun(part, apply=atleast_2d) for part in parts), apply=always_return_tuples_of_datasets
-    )
+        missing = "test" if train else "training"
+        raise ScenarioError(f"{name}: no {missing} records selected; train_test_split=False has all")
+    train_part = atleast_2d_fun(_single_or_all(train), apply=atleast_2d)
+    test_part = atleast_2d_fun(_single_or_all(test), apply=atleast_2d)
+    return always_return_tuples_of_datasets_fun(train_part, test_part, apply=always_return_tuples_of_datasets)
+
+
+def _single_or_all(records: "Sequence[Input_output_data]") -> "Input_output_data | tuple[Input_output_data, ...]":
+    return records[0] if len(records) == 1 else tuple(records)
 
 
 def identibench_spec(name: str, *, joint: Joints | None = None, cache: str | Path | None = None) -> "BenchmarkSpec":
@@ -86,37 +90,38 @@ def identibench_spec(name: str, *, joint: Joints | None = None, cache: str | Pat
     except ImportError as error:
         raise ScenarioError(f"the package identibench is not installed: {INSTALL}") from error
     selected = load_dataset(name, cache=cache)
-    selected = selected if joint is None else selected.select(joint=joint)
-    choices = sorted({one.joints for one in selected.index})
+    if joint is not None:
+        selected = selected.select(joint=joint)
+    choices = sorted({record.joints for record in selected.index})
     if len(choices) > 1:
-        shown = "; ".join(", ".join(joints) for joints in choices)
-        raise ScenarioError(f"{name} has records of different joints; expected joint=... of: {shown}")
+        in_words = "; ".join(", ".join(joints) for joints in choices)
+        raise ScenarioError(f"{name} has records of different joints; expected joint=... of: {in_words}")
     scoring = selected.spec.scoring
     if scoring.steps:
         raise ScenarioError(
             f"{name} scores predictions {scoring.steps} samples ahead; expected a data set of simulations"
         )
-    channels, label = len(choices[0]), "-".join((name, *choices[0]))
+    channels, label = range(len(choices[0])), "-".join((name, *choices[0]))
     # Written here, not by IdentiBench's preparation, which would run a user's script again in another process.
     data = Dataset(f"{label}-{selected.records_hash[:8]}", prepare=None)
     if not data.path.is_dir():
-        with working_folder(data.path.parent) as place:
-            _write_records(selected, place / "records")
-            (place / "records").rename(data.path)
-    blocks = dict.fromkeys(one.block for one in selected.records("test"))
-    several = {block: [(data, f"test/{block}/*.hdf5")] for block in blocks} if len(blocks) > 1 else {}
+        with working_folder(data.path.parent) as scratch:
+            _write_records(selected, scratch / "records")
+            (scratch / "records").rename(data.path)
+    test_sets = {"test": [(data, "test/*/*.hdf5")]}
+    blocks = dict.fromkeys(record.block for record in selected.test)
+    if len(blocks) > 1:
+        test_sets |= {block: [(data, f"test/{block}/*.hdf5")] for block in blocks}
+    validation = [(data, "validation/*/*.hdf5")] if selected.validation else []
     return BenchmarkSpec(
         name=label,
-        u_cols=[f"u{k}" for k in range(channels)],
-        y_cols=[f"y{k}" for k in range(channels)],
+        u_cols=[f"u{k}" for k in channels],
+        y_cols=[f"y{k}" for k in channels],
         train=[(data, "train/*/*.hdf5")],
-        valid=[(data, "validation/*/*.hdf5")] if selected.validation else [],
-        test_sets={"test": [(data, "test/*/*.hdf5")]} | several,
+        valid=validation,
+        test_sets=test_sets,
         task=Simulation(metric=_metric(scoring), init_window=selected.spec.window),
     )
-
-
-_SPLIT = (("train", "validation"), ("test",))
 
 
 def _input_output_data(record: DataRecord) -> "Input_output_data":
@@ -125,6 +130,7 @@ def _input_output_data(record: DataRecord) -> "Input_output_data":
     if record.signals.withheld:
         raise ScenarioError(f"{record.name}: its outputs are withheld, expected a data set with all outputs")
     window = record.state_initialization_window_length
+    # Copies, because users of the package may write into them; those of the record are locked.
     return Input_output_data(record.u.copy(), record.y.copy(), record.sampling_time, record.name, window)
 
 
@@ -132,8 +138,8 @@ def _write_records(selected: DataSet, folder: Path) -> None:
     """Write records as IdentiBench reads them."""
     from identibench.utils import iodata_to_hdf5
 
-    for one in selected.records():
-        iodata_to_hdf5(_input_output_data(one), folder / one.part / one.block, one.name)
+    for record in selected.records():
+        iodata_to_hdf5(_input_output_data(record), folder / record.part / record.block, record.name)
 
 
 def _metric(scoring: Scoring) -> Callable[[np.ndarray, np.ndarray], float]:

@@ -95,6 +95,7 @@ def export(
         OSError: A file cannot be written; nothing of the export stays.
     """
     data_set = open_data_set(folder)
+    # A file that its checksums do not list would fail its check.
     if out.resolve().is_relative_to(folder.resolve()):
         raise ScenarioError(f"{out} is inside the data set, which is never changed; name another --out")
     if not formats:
@@ -108,32 +109,46 @@ def export(
         raise ScenarioError(
             f"{', '.join(existing)} is already there, and is not overwritten; remove it, or name another --out"
         )
-    records = data_set.records()
-    with working_folder(out) as place, ExitStack() as failing:
+    with working_folder(out) as scratch, ExitStack() as failing:
+        writers: dict[str, Writer] = {}
         for name in finals:
-            (place / name).mkdir()
-        writers = {name: FORMATS[name](place / name, data_set) for name in finals}
-        for writer in writers.values():
-            failing.callback(writer.abort)
-        listed: dict[str, list[dict[str, object]]] = {name: [] for name in finals}
-        for done, one in enumerate(records, start=1):
-            contents = read_record(data_set, one)
-            facts = {key: getattr(one, key) for key in ("name", "part", "block", "arm", "twin", "joints")}
-            for name, writer in writers.items():
-                listed[name].append(facts | {"file": writer.add(one, contents)})
-            if progress is not None:
-                progress(done, len(records))
+            (scratch / name).mkdir()
+            writers[name] = FORMATS[name](scratch / name, data_set)
+            # Called after success too: to abort a writer that is closed does nothing.
+            failing.callback(writers[name].abort)
+        listed = _write_records(data_set, writers, progress)
         for name, final in finals.items():
             writers[name].close()
             index = {"data_set": data_set.label, "hash": data_set.records_hash, "format": name, "records": listed[name]}
-            text = json.dumps(index, indent=1, allow_nan=False) + "\n"
-            (place / name / "export.json").write_text(text, encoding="utf-8")
-            for file in ("LICENSE", "CITATION.cff"):
-                if (data_set.folder / file).is_file():
-                    shutil.copyfile(data_set.folder / file, place / name / file)
-            seal(place / name)
-            (place / name).rename(final)
+            _describe_export(scratch / name, index, data_set.folder)
+            (scratch / name).rename(final)
     return tuple(finals.values())
+
+
+def _write_records(
+    data_set: DataSet, writers: Mapping[str, Writer], progress: Callable[[int, int], None] | None
+) -> dict[str, list[dict[str, object]]]:
+    """Write every record in every format, and return what the index of each format lists."""
+    listed: dict[str, list[dict[str, object]]] = {name: [] for name in writers}
+    records = data_set.records()
+    for done, record in enumerate(records, start=1):
+        contents = read_record(data_set, record)  # read once for all formats
+        facts = {key: getattr(record, key) for key in ("name", "part", "block", "arm", "twin", "joints")}
+        for name, writer in writers.items():
+            listed[name].append(facts | {"file": writer.add(record, contents)})
+        if progress is not None:
+            progress(done, len(records))
+    return listed
+
+
+def _describe_export(folder: Path, index: Mapping[str, object], data_set: Path) -> None:
+    """Write index, licence, citation and checksums of an export."""
+    text = json.dumps(index, indent=1, allow_nan=False)
+    (folder / "export.json").write_text(f"{text}\n", encoding="utf-8")
+    for file in ("LICENSE", "CITATION.cff"):
+        if (data_set / file).is_file():
+            shutil.copyfile(data_set / file, folder / file)
+    seal(folder)
 
 
 def read_record(data_set: DataSet, record: DataRecord) -> Contents:

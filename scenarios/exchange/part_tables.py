@@ -4,7 +4,6 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
-from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -62,8 +61,8 @@ class PartTables:
         fields = [pa.field(name, pa.dictionary(pa.int32(), pa.string()), nullable=False) for name in LABELS]
         for column in self._columns:
             about = {"unit": column.unit, "role": column.role, "description": column.meaning}
-            kind = pa.from_numpy_dtype(column.values.dtype)
-            fields.append(pa.field(column.name, kind, nullable=column.role != "index", metadata=about))
+            cell_type = pa.from_numpy_dtype(column.values.dtype)
+            fields.append(pa.field(column.name, cell_type, nullable=column.role != "index", metadata=about))
         facts = {"data_set": data_set.label, "hash": data_set.records_hash, "sampling_time": "1/50 s"}
         facts["license"] = LICENSE
         self._schema = pa.schema(fields, facts)
@@ -75,22 +74,20 @@ class PartTables:
         path = f"{record.part}.parquet"
         if record.part not in self._tables:
             self._tables[record.part] = self._pq.ParquetWriter(self._folder / path, self._schema, compression="zstd")
-        own = {column.name: column for column in columns(contents)}
-        count = len(own["sample"].values)
-        if strange := own.keys() - {column.name for column in self._columns}:
+        columns_of_record = {column.name: column for column in columns(contents)}
+        count = len(columns_of_record["sample"].values)
+        if unexpected := columns_of_record.keys() - {column.name for column in self._columns}:
             raise ScenarioError(
-                f"{record.name} has the channels {', '.join(sorted(strange))}, unlike others of its block"
+                f"{record.name} has the channels {', '.join(sorted(unexpected))}, unlike others of its block"
             )
-        labels = {
-            "experiment": record.name,
-            "block": record.block,
-            "arm": record.arm,
-            "joints": " ".join(record.joints),
-        }
-        arrays = [self._label(text, count) for text in labels.values()]
+        # In the order of `LABELS`.
+        labels = (record.name, record.block, record.arm, " ".join(record.joints))
+        arrays = [self._label(label, count) for label in labels]
         for field in list(self._schema)[len(LABELS) :]:
-            column = own.get(field.name)
-            values = self._pa.array(np.zeros(0) if column is None else column.values, field.type)
+            column = columns_of_record.get(field.name)
+            present = np.zeros(0) if column is None else column.values
+            values = self._pa.array(present, field.type)
+            # Behind the window of withheld outputs, and where the record has no such channel, cells are null.
             arrays.append(self._pa.concat_arrays([values, self._pa.nulls(count - len(values), field.type)]))
         self._tables[record.part].write_table(self._pa.Table.from_arrays(arrays, schema=self._schema))
         self._rows[record.part] += count
@@ -108,8 +105,25 @@ class PartTables:
         """Finish the tables; write the card README.md, croissant.json, and the datasheet if the data set has it."""
         for table in self._tables.values():
             table.close()
-        parts = [part for part in PARTS if part in self._tables]
-        context: dict[str, Any] = {
+        context = self._context()
+        card = ENVIRONMENT.get_template("dataset_card.md.j2").render(context)
+        catalogue_entry = json.loads(ENVIRONMENT.get_template("croissant_tables.json.j2").render(context))
+        croissant = json.dumps(catalogue_entry, indent=1, ensure_ascii=False, allow_nan=False)
+        (self._folder / "README.md").write_text(card, encoding="utf-8")
+        (self._folder / "croissant.json").write_text(f"{croissant}\n", encoding="utf-8")
+        if (datasheet := self._data_set.folder / "README.md").is_file():
+            (self._folder / "datasheet.md").write_bytes(datasheet.read_bytes())
+
+    def _context(self) -> dict[str, Any]:
+        """What card and catalogue entry are rendered from."""
+        parts, objects = [], []
+        for part in PARTS:
+            if part in self._tables:
+                path = self._folder / f"{part}.parquet"
+                parts.append((part, self._records[part], self._rows[part]))
+                objects.append((path.name, path.stat().st_size, file_hash(path)))
+        input_names = {column.name for column in self._columns if column.role == "input"}
+        return {
             "spec": self._spec,
             "label": self._data_set.label,
             "shipped": self._data_set.label in shipped(),
@@ -117,43 +131,46 @@ class PartTables:
             "license_url": LICENSE_URL,
             "labels": LABELS,
             "columns": self._columns,
-            "parts": [(part, self._records[part], self._rows[part]) for part in parts],
-            "size": SIZES[len(list(takewhile(lambda k: self._rows.total() >= 10 ** (k + 3), range(len(SIZES) - 1))))],
-            "objects": [
-                (f"{part}.parquet", (path := self._folder / f"{part}.parquet").stat().st_size, file_hash(path))
-                for part in parts
-            ],
-            "kind": lambda column: "sc:Integer" if column.values.dtype.kind in "iu" else "sc:Float",
-            "several": len({column.name for column in self._columns if column.role == "input"}) > 1,
+            "parts": parts,
+            "size": _size_category(self._rows.total()),
+            "objects": objects,
+            "kind": _croissant_type,
+            "several": len(input_names) > 1,
         }
-        card = ENVIRONMENT.get_template("dataset_card.md.j2").render(context)
-        entry = json.loads(ENVIRONMENT.get_template("croissant_tables.json.j2").render(context))
-        text = json.dumps(entry, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-        (self._folder / "README.md").write_text(card, encoding="utf-8")
-        (self._folder / "croissant.json").write_text(text, encoding="utf-8")
-        if (datasheet := self._data_set.folder / "README.md").is_file():
-            (self._folder / "datasheet.md").write_bytes(datasheet.read_bytes())
 
-    def _label(self, text: str, count: int) -> "pa.Array":
+    def _label(self, label: str, count: int) -> "pa.Array":
+        """A column with the same label in every row: stored once, with an index in each row."""
         indices = self._pa.array(np.zeros(count, np.int32))
-        return self._pa.DictionaryArray.from_arrays(indices, self._pa.array([text]))
+        return self._pa.DictionaryArray.from_arrays(indices, self._pa.array([label]))
+
+
+def _size_category(rows: int) -> str:
+    """The size category of Hugging Face: the first is below a thousand rows."""
+    powers_reached = sum(rows >= 10**power for power in range(3, len(SIZES) + 2))
+    return SIZES[powers_reached]
+
+
+def _croissant_type(column: ExportColumn) -> str:
+    return "sc:Integer" if column.values.dtype.kind in "iu" else "sc:Float"
 
 
 def _all_columns(data_set: DataSet) -> Sequence[ExportColumn]:
     """The columns of all records; those of one block with the same joints have the same."""
-    firsts = {(one.part, one.block, one.joints): one for one in reversed(data_set.records())}
-    if not firsts:
+    # Backwards, so that the first record of each kind stays.
+    examples = {(record.part, record.block, record.joints): record for record in reversed(data_set.records())}
+    if not examples:
         raise ScenarioError(f"{data_set.label}: no experiment has a record, so there is nothing to write")
-    known: dict[str, ExportColumn] = {}
-    for one in sorted(firsts.values(), key=lambda one: PARTS.index(one.part)):
-        for column in columns(read_netcdf(data_set.folder / one.file)):
-            if known.setdefault(column.name, column)[:3] != column[:3]:
-                raise ScenarioError(f"{one.name}: {column.name} has another unit or role than in other records")
-            if known[column.name].values.dtype != column.values.dtype:
-                raise ScenarioError(f"{one.name}: {column.name} has another type than in other records")
-    first = ("sample", "t")
-    ordered = sorted(known.values(), key=lambda column: _ROLES.get(column.role, len(_ROLES)))
-    return [known[name] for name in first] + [column for column in ordered if column.name not in first]
+    by_name: dict[str, ExportColumn] = {}
+    for record in sorted(examples.values(), key=lambda record: PARTS.index(record.part)):
+        for column in columns(read_netcdf(data_set.folder / record.file)):
+            if by_name.setdefault(column.name, column)[:3] != column[:3]:
+                raise ScenarioError(f"{record.name}: {column.name} has another unit or role than in other records")
+            if by_name[column.name].values.dtype != column.values.dtype:
+                raise ScenarioError(f"{record.name}: {column.name} has another type than in other records")
+    index_names = ("sample", "t")
+    ordered = sorted(by_name.values(), key=lambda column: _ROLES.get(column.role, len(_ROLES)))
+    return [by_name[name] for name in index_names] + [c for c in ordered if c.name not in index_names]
 
 
+# Other roles stand behind these, in the order in which they came.
 _ROLES = {"index": 0, "input": 1, "output": 2}

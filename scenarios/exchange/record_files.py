@@ -32,7 +32,9 @@ class ExportColumn(NamedTuple):
     @property
     def with_nan(self) -> np.ndarray:
         """Values of all samples; withheld ones are NaN, and the column then holds float64."""
-        return np.concatenate([self.values, np.full(self.withheld, np.nan)]) if self.withheld else self.values
+        if not self.withheld:
+            return self.values
+        return np.concatenate([self.values, np.full(self.withheld, np.nan)])
 
 
 def columns(contents: Contents) -> tuple[ExportColumn, ...]:
@@ -43,6 +45,7 @@ def columns(contents: Contents) -> tuple[ExportColumn, ...]:
     """
     table: list[ExportColumn] = []
     for name, variable in contents.variables.items():
+        # Names of channels are in those of the columns, and the window counts samples that are there already.
         if variable.values.dtype.kind == "U" or name == WINDOW:
             continue
         if variable.dims[0] not in ("sample", WINDOW) or variable.values.ndim > 2:
@@ -50,14 +53,19 @@ def columns(contents: Contents) -> tuple[ExportColumn, ...]:
                 f"{name} has dimensions {', '.join(variable.dims)}, expected sample, or sample and another"
             )
         values = variable.values
-        withheld = len(contents.variables["sample"].values) - len(values) if variable.dims[0] == WINDOW else 0
+        withheld = 0
+        if variable.dims[0] == WINDOW:
+            withheld = len(contents.variables["sample"].values) - len(values)
         unit, role, meaning = (str(variable.attributes.get(key, "")) for key in ("units", "role", "long_name"))
         if values.ndim == 1:
             table.append(ExportColumn(name, unit, role, meaning, values, withheld))
             continue
-        pattern = "{}" + name.removeprefix("joint") if name.startswith("joint_") else name + "_{}"
+        # joint_measured becomes elbow_pitch_measured, and force becomes force_x.
+        is_of_joints = name.startswith("joint_")
+        pattern = "{}" + name.removeprefix("joint") if is_of_joints else name + "_{}"
         for channel, column in zip(contents.variables[variable.dims[1]].values, values.T, strict=True):
             table.append(ExportColumn(pattern.format(channel), unit, role, meaning, column, withheld))
+    # The sort keeps the order of all others.
     return tuple(sorted(table, key=lambda column: ("sample", "t", column.name).index(column.name)))
 
 
@@ -104,24 +112,28 @@ def csv(contents: Contents) -> bytes:
 
 def csv_metadata(contents: Contents, file: str) -> bytes:
     """Write the metadata of a CSV file of that name, in the form of CSV on the Web (W3C)."""
-    described = [
-        {
-            "name": column.name,
-            "titles": f"{column.name} [{column.unit}]",
-            "dc:description": column.meaning,
-            "datatype": "integer" if column.with_nan.dtype.kind in "iu" else "double",
-            "hmtb:unit": column.unit,
-            "hmtb:role": column.role,
-        }
-        for column in columns(contents)
-    ]
+    attributes = {f"hmtb:{key}": value for key, value in contents.attributes.items()}
     metadata = {
         "@context": ["http://www.w3.org/ns/csvw", {"hmtb": "urn:hmtb:"}],
         "url": file,
-        **{f"hmtb:{key}": value for key, value in contents.attributes.items()},
-        "tableSchema": {"columns": described, "primaryKey": "sample"},
+        **attributes,
+        "tableSchema": {"columns": [_csvw_column(column) for column in columns(contents)], "primaryKey": "sample"},
     }
     return (_json(metadata, indent=1) + "\n").encode()
+
+
+def _csvw_column(column: ExportColumn) -> dict[str, str]:
+    """A column in the terms of CSV on the Web."""
+    # Withheld samples make NaN, which no whole number is.
+    datatype = "integer" if column.with_nan.dtype.kind in "iu" else "double"
+    return {
+        "name": column.name,
+        "titles": f"{column.name} [{column.unit}]",
+        "dc:description": column.meaning,
+        "datatype": datatype,
+        "hmtb:unit": column.unit,
+        "hmtb:role": column.role,
+    }
 
 
 def ascii_table(contents: Contents) -> bytes:
@@ -130,20 +142,20 @@ def ascii_table(contents: Contents) -> bytes:
     MATLAB's `load -ascii` and `numpy.loadtxt(..., comments="%")` read it.
     """
     table = columns(contents)
-    lines = [
-        "hmtb data set ascii 1",
-        *(f"{key}: {_json(value)}" for key, value in contents.attributes.items()),
-        f"sampling time: {sampling_time(contents)} s",
-        f"samples: {len(table[0].with_nan)}",
-        "lost samples: NaN",
-        *(f"column {k}: {column.name}, {column.unit}" for k, column in enumerate(table, start=1)),
-    ]
-    return ("".join(f"% {line}\n" for line in lines) + _rows(table, " ")).encode()
+    lines = ["hmtb data set ascii 1"]
+    lines += [f"{key}: {_json(value)}" for key, value in contents.attributes.items()]
+    lines += [f"sampling time: {sampling_time(contents)} s", f"samples: {len(table[0].with_nan)}", "lost samples: NaN"]
+    lines += [f"column {k}: {column.name}, {column.unit}" for k, column in enumerate(table, start=1)]
+    header = "".join(f"% {line}\n" for line in lines)
+    return f"{header}{_rows(table, ' ')}".encode()
 
 
 def _rows(table: Sequence[ExportColumn], separator: str) -> str:
-    text = [[repr(value) for value in column.with_nan.tolist()] for column in table]
-    return "".join(separator.join(row) + "\n" for row in zip(*text, strict=True)).replace("nan", "NaN")
+    """Lines of numbers, a line per sample; NaN as MATLAB and NumPy write it."""
+    # `repr` gives the shortest digits from which every bit comes back.
+    words_of_columns = [list(map(repr, column.with_nan.tolist())) for column in table]
+    rows = zip(*words_of_columns, strict=True)
+    return "".join(f"{separator.join(row)}\n" for row in rows).replace("nan", "NaN")
 
 
 def _json(value: object, indent: int | None = None) -> str:

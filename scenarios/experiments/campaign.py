@@ -25,7 +25,8 @@ class Condition:
     friction: bool = True
 
     def __str__(self) -> str:
-        return f"{self.variant}, {'with' if self.friction else 'without'} friction"
+        friction = "with friction" if self.friction else "without friction"
+        return f"{self.variant}, {friction}"
 
     def arm(self) -> Arm:
         """Return the arm with its payload, in free space."""
@@ -59,9 +60,12 @@ def campaign_scenario(name: str, *, seed: int | None = None, duration: float | N
     """
     if seed is not None:
         codec.structure(int, seed, "seed")
-    scenario = load(name, duration=None if name == RPCM else duration, seed=seed)
-    if seed is None or [entry.kind for entry in scenario.excitation] != ["prbs"]:
+    if name == RPCM:
+        duration = None  # the operator's task takes as long as it takes
+    scenario = load(name, duration=duration, seed=seed)
+    if seed is None or [signal.kind for signal in scenario.excitation] != ["prbs"]:
         return scenario
-    (entry,) = scenario.excitation
-    parameters = {**entry.parameters, "seed": seed, "register": REGISTER}
-    return replace(scenario, excitation=(replace(entry, parameters=parameters),))
+    (binary_sequence,) = scenario.excitation
+    # The shortest register has few starts: two seeds would mostly give one sequence, shifted in time.
+    parameters = {**binary_sequence.parameters, "seed": seed, "register": REGISTER}
+    return replace(scenario, excitation=(replace(binary_sequence, parameters=parameters),))

@@ -29,7 +29,8 @@ def sine(*, frequency: float, amplitude: float = 1.0) -> Waveform:
     Raises:
         ScenarioError: The frequency does not repeat in the file.
     """
-    points = amplitude * np.sin(2.0 * np.pi * _whole_cycles(frequency) * TIME)
+    _check_whole_cycles(frequency)
+    points = amplitude * np.sin(2.0 * np.pi * frequency * TIME)
     return Waveform(points, "sine", {"frequency": frequency, "amplitude": amplitude})
 
 
@@ -79,19 +80,22 @@ def bipolar_ramping_pulse(
     Raises:
         ScenarioError: The frequency does not repeat in the file, or the pulse does not fit.
     """
-    half = SAMPLE_RATE / (2.0 * _whole_cycles(frequency))
+    _check_whole_cycles(frequency)
+    half_period = SAMPLE_RATE / (2.0 * frequency)
+    # Infinity and NaN cannot be rounded.
     width = round(pulse_width * SAMPLE_RATE) if abs(pulse_width) <= WINDOW else 0
-    if not 1 <= width <= half:
+    if not 1 <= width <= half_period:
+        longest = half_period / SAMPLE_RATE
         raise ScenarioError(
-            f"pulse width must be {1 / SAMPLE_RATE} to {half / SAMPLE_RATE} s at {frequency} Hz, given {pulse_width} s"
+            f"pulse width must be {1 / SAMPLE_RATE} to {longest} s at {frequency} Hz, given {pulse_width} s"
         )
     ramp = np.arange(1, width + 1) / width
     # Half a period need not be a whole number of points: starts are rounded one by one, so that errors do not add up.
-    starts = np.round(np.arange(round(POINTS / half)) * half).astype(int)
+    starts = np.round(np.arange(round(POINTS / half_period)) * half_period).astype(int)
     points = np.zeros(POINTS)
-    for number, start in enumerate(starts):
-        height = (number + 1) / len(starts) if growing else 1.0
-        points[start : start + width] = (-1) ** number * height * ramp
+    for pulse, start in enumerate(starts):
+        height = (pulse + 1) / len(starts) if growing else 1.0
+        points[start : start + width] = (-1) ** pulse * height * ramp
     parameters = {"frequency": frequency, "pulse_width": pulse_width, "amplitude": amplitude, "growing": growing}
     return Waveform(amplitude * points, "bipolar_ramping_pulse", parameters)
 
@@ -156,7 +160,9 @@ def prbs(*, amplitude: float = 1.0, clock: int = 2, seed: int = 0, register: int
         )
     points = amplitude * idinput(POINTS, "prbs", clock=clock, register=register or shortest, seed=seed).u[:, 0]
     parameters = {"amplitude": amplitude, "clock": clock, "seed": seed}
-    return Waveform(points, "prbs", {**parameters, "register": register} if register else parameters)
+    if register:
+        parameters["register"] = register
+    return Waveform(points, "prbs", parameters)
 
 
 def sign_recursion(*, amplitude: float = 1.0, memory: float = 0.0, as_printed: bool = False, seed: int = 0) -> Waveform:
@@ -179,13 +185,16 @@ def sign_recursion(*, amplitude: float = 1.0, memory: float = 0.0, as_printed: b
     noise = np.random.default_rng(seed).standard_normal(POINTS)
     signs, last = np.empty(POINTS), 1.0
     for t in range(POINTS):
-        last = signs[t] = 1.0 if memory * last + noise[t] >= 0.0 else -1.0
+        # The sign of zero is taken as 1: the sequence has two levels.
+        last = 1.0 if memory * last + noise[t] >= 0.0 else -1.0
+        signs[t] = last
     if abs(signs.sum()) == POINTS:
         raise ScenarioError(
             f"sign_recursion with memory {memory:g} and seed {seed} never changes its level; "
             "expected a memory nearer to 0"
         )
-    points = (2.0 if as_printed else 1.0) * amplitude * signs
+    factor = 2.0 if as_printed else 1.0
+    points = factor * amplitude * signs
     parameters = {"amplitude": amplitude, "memory": memory, "as_printed": as_printed, "seed": seed}
     return Waveform(points, "sign_recursion", parameters)
 
@@ -224,7 +233,8 @@ def chirp_as_printed(*, f_low: float, f_high: float, f_center: float, amplitude:
         ScenarioError: The tone lies outside 0 to 25 Hz.
     """
     _check_band(f_high - f_low + f_center)
-    points = amplitude * np.cos(2.0 * np.pi * (f_low + TIME * (f_high - f_low)) + 2.0 * np.pi * f_center * TIME)
+    phase = 2.0 * np.pi * (f_low + TIME * (f_high - f_low)) + 2.0 * np.pi * f_center * TIME
+    points = amplitude * np.cos(phase)
     parameters = {"f_low": f_low, "f_high": f_high, "f_center": f_center, "amplitude": amplitude}
     return Waveform(points, "chirp_as_printed", parameters)
 
@@ -248,7 +258,7 @@ def chirp_franklin(
     Raises:
         ScenarioError: A frequency lies outside 0 to 25 Hz, or the ramp outside 0 to 0.5.
     """
-    _check_band(f_start, f_end, 2 * f_end - f_start)
+    _check_band(f_start, f_end, 2 * f_end - f_start)  # the last is the instantaneous frequency at the end
     if not 0.0 < ramp <= 0.5:
         raise ScenarioError(f"ramp must lie above 0 and up to 0.5 of the window, given {ramp}")
     k = np.arange(POINTS)
@@ -274,17 +284,18 @@ def white_noise(*, amplitude: float = 1.0, seed: int = 0) -> Waveform:
     return Waveform(amplitude * points / np.abs(points).max(), "white_noise", {"amplitude": amplitude, "seed": seed})
 
 
-def _whole_cycles(frequency: float) -> float:
+def _check_whole_cycles(frequency: float) -> None:
+    """Refuse a frequency that would jump where the file repeats."""
     cycles = frequency * WINDOW
     if not 0.0 < frequency < SAMPLE_RATE / 2 or abs(cycles - round(cycles)) > 1e-9:
         raise ScenarioError(
             f"frequency {frequency} Hz does not repeat in a {WINDOW} s file; "
             f"expected a multiple of {1 / WINDOW} Hz above 0 and below {SAMPLE_RATE / 2} Hz"
         )
-    return frequency
 
 
 def _check_band(*frequencies: float) -> None:
+    """Refuse frequencies that the points would alias."""
     for frequency in frequencies:
         if not 0.0 <= frequency <= SAMPLE_RATE / 2:
             raise ScenarioError(f"frequencies must lie in 0 to {SAMPLE_RATE / 2} Hz, given {frequency} Hz")

@@ -58,6 +58,7 @@ class Excitation:
             raise ScenarioError(f"excitation {self.kind!r}: iterations must be 1 or more, given {self.iterations}")
         self.waveform()  # raises here, not in the middle of a campaign, where a value is bad
 
+    # The hash of a dataclass fails on the mapping of the parameters, and so does pickle.
     def __hash__(self) -> int:
         return hash((self.kind, tuple(sorted(self.parameters.items())), self.repeat_frequency, self.iterations))
 
@@ -99,8 +100,11 @@ class Excitation:
         if not isinstance(table, Mapping) or not isinstance(table.get("kind"), str):
             kinds = ", ".join((*KINDS, FILE))
             raise ScenarioError(f"excitation must be a table with a kind, given {table!r}; kinds: {kinds}")
-        settings = {name: codec.structure(kind, table[name], name) for name, kind in SETTINGS.items() if name in table}
-        parameters = {key: entry for key, entry in table.items() if key != "kind" and key not in SETTINGS}
+        settings: dict[str, Any] = {}
+        for name, setting_type in SETTINGS.items():
+            if name in table:
+                settings[name] = codec.structure(setting_type, table[name], name)
+        parameters = {key: value for key, value in table.items() if key != "kind" and key not in SETTINGS}
         if table["kind"] == FILE:
             if set(parameters) != {"path"} or not isinstance(parameters["path"], str):
                 keys = ", ".join(parameters) or "none of them"
@@ -131,7 +135,8 @@ def check_outputs(excitations: Sequence[Excitation], axes: Sequence[str], indepe
 
 def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, Parameter]:
     """Return all parameters of an excitation, defaults filled in, of the right types."""
-    defaults = {key: entry.default for key, entry in inspect.signature(KINDS[kind]).parameters.items()}
+    # The signature of the function is the list of what an excitation takes.
+    defaults = {key: argument.default for key, argument in inspect.signature(KINDS[kind]).parameters.items()}
     for key in parameters:
         if key not in defaults:
             raise ScenarioError(f"excitation {kind!r}: {unknown('parameter', key, defaults)}")
@@ -139,5 +144,7 @@ def _checked(kind: str, parameters: Mapping[str, object]) -> dict[str, Parameter
         if key not in parameters and default is inspect.Parameter.empty:
             raise ScenarioError(f"excitation {kind!r} needs {key}; it takes {', '.join(defaults)}")
     hints = get_type_hints(KINDS[kind])
-    given = {key: codec.structure(hints[key], value, f"{kind}.{key}") for key, value in parameters.items()}
-    return {key: given.get(key, default) for key, default in defaults.items()}
+    complete = dict(defaults)
+    for key, value in parameters.items():
+        complete[key] = codec.structure(hints[key], value, f"{kind}.{key}")
+    return complete

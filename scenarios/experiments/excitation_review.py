@@ -18,10 +18,11 @@ def check_excites(excitation: Excitation) -> None:
         ScenarioError: It is.
     """
     wave = excitation.waveform()
+    # Density, not amplitude: a sine sampled at its zeros excites nothing either.
     if wave.psd().density.max() < LEAST_DENSITY:
-        kind = FILE if excitation.kind == "points" else excitation.kind
+        word = FILE if excitation.kind == "points" else excitation.kind
         peak = np.abs(wave.points).max()
-        raise ScenarioError(f"{kind} of amplitude {peak:g} V excites nothing: expected a larger amplitude")
+        raise ScenarioError(f"{word} of amplitude {peak:g} V excites nothing: expected a larger amplitude")
 
 
 def excitation_summary(excitation: Excitation) -> dict[str, float | int]:
@@ -38,14 +39,14 @@ def excitation_summary(excitation: Excitation) -> dict[str, float | int]:
 
 def excitation_rows(excitation: Excitation) -> list[tuple[str, str]]:
     """Return `excitation_summary` as rows of a table, each with its unit."""
-    numbers = excitation_summary(excitation)
-    mean = round(numbers["mean_v"], 12) + 0.0  # what rounding leaves of a sum that is zero is none, nor is its sign
+    summary = excitation_summary(excitation)
+    mean = round(summary["mean_v"], 12) + 0.0  # what rounding leaves of a sum that is zero is none, nor is its sign
     return [
-        ("update rate / Hz", f"{numbers['update_rate_hz']:.6g}"),
-        ("period / s", f"{numbers['period_s']:.6g}"),
-        ("order of excitation", str(numbers["order_of_excitation"])),
+        ("update rate / Hz", f"{summary['update_rate_hz']:.6g}"),
+        ("period / s", f"{summary['period_s']:.6g}"),
+        ("order of excitation", str(summary["order_of_excitation"])),
         ("mean / V", f"{mean:.6g}"),
-        ("root mean square / V", f"{numbers['rms_v']:.6g}"),
+        ("root mean square / V", f"{summary['rms_v']:.6g}"),
     ]
 
 
@@ -53,9 +54,15 @@ def excitation_warnings(excitation: Excitation) -> list[str]:
     """Return one line each for points beyond the converter, points missed, and an order that is too low."""
     wave = excitation.waveform()
     beyond = int(BOARD.exceeds_range(wave.points).sum())
-    texts = [
-        f"{beyond} of {len(wave.points)} points ask for more than the ±{BOARD.dac_range:g} V of the excitation "
-        "computer's converter, which cuts them off"
-    ] * bool(beyond)
-    texts += [MISSES_POINTS] * excitation.misses_points
-    return texts + [text for text in (excitation_order_warning(wave.order_of_excitation()),) if text]
+    warnings = []
+    if beyond:
+        warnings.append(
+            f"{beyond} of {len(wave.points)} points ask for more than the ±{BOARD.dac_range:g} V of the excitation "
+            "computer's converter, which cuts them off"
+        )
+    if excitation.misses_points:
+        warnings.append(MISSES_POINTS)
+    order_warning = excitation_order_warning(wave.order_of_excitation())
+    if order_warning:
+        warnings.append(order_warning)
+    return warnings

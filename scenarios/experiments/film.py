@@ -89,23 +89,23 @@ def _write_gif(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
     """Write with one palette and without dithering: what stands still is stored once, and grey stays grey."""
     from PIL import Image
 
-    held = list(islice(pictures, HELD))
-    chosen = np.linspace(0, len(held) - 1, min(len(held), SAMPLED)).round().astype(int)
-    sample = Image.fromarray(np.vstack([held[number] for number in chosen]))
+    held_back = list(islice(pictures, HELD))
+    chosen = np.linspace(0, len(held_back) - 1, min(len(held_back), SAMPLED)).round().astype(int)
+    sample = Image.fromarray(np.vstack([held_back[index] for index in chosen]))
     palette = sample.quantize(256, method=Image.Quantize.MEDIANCUT, kmeans=1)
     # Pillow looks up the lowest of each four neighbouring values, which would make all darker by 1 to 2 of 255.
     colours = np.array(palette.getpalette())
-    entries = colours.reshape(-1, 3)
+    triples = colours.reshape(-1, 3)
     # The mean of paper and the lightest tints is not quite white.
-    entries[entries.min(axis=1) > 247] = 255
+    triples[triples.min(axis=1) > 247] = 255
     palette.putpalette(np.maximum(colours - 1, 0).tolist())
 
     def reduced() -> Iterator[Image.Image]:
-        for number, picture in enumerate(chain(held, pictures)):
+        for index, picture in enumerate(chain(held_back, pictures)):
             image = Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
             image.putpalette(colours.tolist())
             # a file has whole hundredths of a second: rounded so that the errors do not add up
-            image.info["duration"] = 10 * (round(100 * (number + 1) / rate) - round(100 * number / rate))
+            image.info["duration"] = 10 * (round(100 * (index + 1) / rate) - round(100 * index / rate))
             yield image
 
     images = reduced()

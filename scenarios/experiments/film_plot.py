@@ -3,8 +3,10 @@
 from collections.abc import Iterator
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from hmtb_twin import JOINTS, JointLog
 from sysid.plots import GRID, INK, Style
@@ -29,9 +31,9 @@ DPI = 100.0
 """Resolution at a picture height of 480 pixels; it grows with the picture, so that letters keep their share of it."""
 
 
-def plotted_joints(log: JointLog, part: slice) -> list[str]:
-    """Excited joints, or all where the tool is moved: the `MOST` with the largest commands in a part of a log."""
-    swing = dict(zip(JOINTS, np.ptp(log.commanded[part], axis=0), strict=True))
+def plotted_joints(log: JointLog, interval: slice) -> list[str]:
+    """Excited joints, or all where the tool is moved: the `MOST` with the largest commands in an interval of a log."""
+    swing = dict(zip(JOINTS, np.ptp(log.commanded[interval], axis=0), strict=True))
     excited = [joint for joint in JOINTS if joint in log.axes] or list(JOINTS)
     largest = sorted(excited, key=swing.__getitem__, reverse=True)[:MOST]
     return [joint for joint in JOINTS if joint in largest]
@@ -47,50 +49,29 @@ class MotionPlot:
     """
 
     def __init__(self, log: JointLog, span: tuple[float, float], size: tuple[int, int]) -> None:
-        part = slice(max(round(span[0] / log.dt) - 1, 0), round(span[1] / log.dt) + 2)
-        joints = plotted_joints(log, part)
+        # A sample before and after the span, so that the curves reach both ends.
+        interval = slice(max(round(span[0] / log.dt) - 1, 0), round(span[1] / log.dt) + 2)
+        joints = plotted_joints(log, interval)
         scale = max(size[1] / 480.0, 0.8)
-        height = 2 * round(scale * (48 + (100 if len(joints) == 1 else 72) * len(joints)) / 2)
+        panel_height = 100 if len(joints) == 1 else 72
+        # Even, as the encoder of films takes it.
+        height = 2 * round(scale * (48 + panel_height * len(joints)) / 2)
         # Half a pixel more, because the size in pixels is rounded down.
         inches = ((size[0] + 0.5) / (scale * DPI), (height + 0.5) / (scale * DPI))
         figure = Figure(figsize=inches, dpi=scale * DPI, layout="constrained")
         canvas = FigureCanvasAgg(figure)
         panels = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
         columns = [JOINTS.index(joint) for joint in joints]
-        time = np.arange(len(log))[part] * log.dt
-        large = np.ptp(log.commanded[part][:, columns], axis=0).max() > LARGE
+        in_degrees = bool(np.ptp(log.commanded[interval][:, columns], axis=0).max() > LARGE)
         lines = []
-        for axes, joint, column in zip(panels, joints, columns, strict=True):
-            commanded, measured = log.commanded[part, column], log.measured[part, column]
-            values = [np.degrees(v) if large else 1e3 * (v - log.measured[0, column]) for v in (commanded, measured)]
-            for label, shown, look, kind in (
-                ("measured", values[1], MEASURED, "default"),
-                ("command", values[0], COMMAND, "steps-post"),
-            ):
-                lines += axes.plot(
-                    time, shown, color=look.colour, ls=look.line, lw=look.width, drawstyle=kind, label=label
-                )
-            axes.set_title(
-                f"{joint.replace('_', ' ')} / deg" if large else f"{joint.replace('_', ' ')}, change / mrad",
-                loc="left",
-                fontsize=8.5,
-                color=INK,
-                pad=5,
-            )
-            axes.grid(visible=True, color=GRID, lw=0.6)
-            axes.tick_params(labelsize=8, colors=INK)
-            axes.locator_params(axis="y", nbins=4)
-            axes.spines[["top", "right"]].set_visible(False)
-            shown = np.concatenate(values)[np.isfinite(np.concatenate(values))]
-            low, high = (shown.min(), shown.max()) if len(shown) else (0.0, 0.0)  # angles may be lost
-            middle, half = (high + low) / 2.0, 0.56 * (high - low)
-            # The noise of a joint at rest does not fill the panel.
-            axes.set_ylim(middle - max(half, 0.5), middle + max(half, 0.5))
+        for axes, joint in zip(panels, joints, strict=True):
+            lines += _draw_joint(axes, log, joint, interval, in_degrees=in_degrees)
         panels[-1].set_xlim(*span)
         panels[-1].set_xlabel("time / s", fontsize=8.5, color=INK, labelpad=1)
         figure.legend(
             handles=lines[:2][::-1], loc="upper right", ncols=2, frameon=False, fontsize=8.5, borderaxespad=0.1
         )
+        # Drawn twice in all, with and without curves: drawing a figure for every frame is slow.
         self._full = _drawn(canvas)
         for line in lines:
             line.set_visible(False)
@@ -108,6 +89,40 @@ class MotionPlot:
             bottom, top = round(len(picture) - box.y0), round(len(picture) - box.y1)
             picture[top:bottom, column : column + self._line] = CURSOR
         return picture
+
+
+def _draw_joint(axes: Axes, log: JointLog, joint: str, interval: slice, *, in_degrees: bool) -> list[Line2D]:
+    """Draw measured angle and command of a joint, in degrees or as a change in mrad; return both curves."""
+    column = JOINTS.index(joint)
+    time = np.arange(len(log))[interval] * log.dt
+    commanded, measured = log.commanded[interval, column], log.measured[interval, column]
+    name = joint.replace("_", " ")
+    if in_degrees:
+        title = f"{name} / deg"
+        commanded, measured = np.degrees(commanded), np.degrees(measured)
+    else:
+        title = f"{name}, change / mrad"
+        start = log.measured[0, column]
+        commanded, measured = 1e3 * (commanded - start), 1e3 * (measured - start)
+    lines = _curve(axes, time, measured, MEASURED, "measured", "default")
+    # The hold keeps a command until the next tick.
+    lines += _curve(axes, time, commanded, COMMAND, "command", "steps-post")
+    axes.set_title(title, loc="left", fontsize=8.5, color=INK, pad=5)
+    axes.grid(visible=True, color=GRID, lw=0.6)
+    axes.tick_params(labelsize=8, colors=INK)
+    axes.locator_params(axis="y", nbins=4)
+    axes.spines[["top", "right"]].set_visible(False)
+    values = np.concatenate((commanded, measured))
+    finite = values[np.isfinite(values)]
+    low, high = (finite.min(), finite.max()) if len(finite) else (0.0, 0.0)  # angles may be lost
+    middle, half = (high + low) / 2.0, 0.56 * (high - low)
+    # The noise of a joint at rest does not fill the panel.
+    axes.set_ylim(middle - max(half, 0.5), middle + max(half, 0.5))
+    return lines
+
+
+def _curve(axes: Axes, time: np.ndarray, values: np.ndarray, style: Style, label: str, drawstyle: str) -> list[Line2D]:
+    return axes.plot(time, values, color=style.colour, ls=style.line, lw=style.width, drawstyle=drawstyle, label=label)
 
 
 def _drawn(canvas: FigureCanvasAgg) -> np.ndarray:

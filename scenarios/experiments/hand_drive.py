@@ -44,13 +44,18 @@ class Stick:
 
     def push(self, axis: str, volts: float, duration: float = SPRING) -> None:
         """Deflect an axis by volts for a duration in s, or until the next push; others than its own do nothing."""
+        # Keys on the page may belong to axes that this experiment does not move.
         if axis in self._deflections:
             self._deflections[axis] = volts, self._clock() + duration
 
     def volts(self) -> dict[str, float]:
         """Deflection of each axis at this moment, V."""
-        now = self._clock()
-        return {axis: volts if now < until else 0.0 for axis, (volts, until) in self._deflections.items()}
+        time = self._clock()
+        deflected = dict.fromkeys(self._deflections, 0.0)
+        for axis, (volts, until) in self._deflections.items():
+            if time < until:
+                deflected[axis] = volts
+        return deflected
 
     def move(self, view: View) -> Motion:
         """Return the deflections and the grip of a tick; see `hmtb_twin.Operator`."""
@@ -79,23 +84,30 @@ def displays(frame: Frame, driven: Drive | None) -> list[str]:
     forces = f"wrist force {frame.wrist_force:.1f} N"
     if frame.contact_force is not None:
         forces += f", contact force {frame.contact_force:.1f} N"
+    # The operator's view is that of the last tick; before the first there is none.
     view = driven.stick.view if driven is not None else None
     if driven is None or view is None or view.unit is None:
         return [", ".join(words), forces]
-    words.append(f"end effector {'closed' if driven.stick.grip else 'open'}")
-    held = view.unit.held
-    offset, turn = way_to(RECEPTACLE.seated if held else None, view, carry=held)
-    way = ", ".join(
-        f"{axis} {one:+z.0f}" for axis, one in zip(TOOL_AXES, (*1e3 * offset, *np.degrees(turn)), strict=True)
-    )
-    return [", ".join(words), forces, f"{'unit to its receptacle' if held else 'tool to unit'}, mm and deg: {way}"]
+    words.append("end effector closed" if driven.stick.grip else "end effector open")
+    is_held = view.unit.held
+    target = RECEPTACLE.seated if is_held else None
+    offset, turn = way_to(target, view, carry=is_held)
+    distances = zip(TOOL_AXES, (*1e3 * offset, *np.degrees(turn)), strict=True)
+    way = ", ".join(f"{axis} {distance:+z.0f}" for axis, distance in distances)
+    label = "unit to its receptacle" if is_held else "tool to unit"
+    return [", ".join(words), forces, f"{label}, mm and deg: {way}"]
 
 
 def drive_recipe(log: JointLog, path: str) -> Recipe:
     """What to do with the record of a drive, a file, without the page."""
+    # The joint whose command moved most has the most to identify from.
     joint = JOINTS[int(np.ptp(log.commanded, axis=0).argmax())]
-    words = (("identify", path, "--joint", joint), ("view", path), ("video", path, "--camera", "deck"))
-    return Recipe([("hmtb", *one) for one in words], _PROGRAM.format(path=path, joint=joint))
+    commands = [
+        ("hmtb", "identify", path, "--joint", joint),
+        ("hmtb", "view", path),
+        ("hmtb", "video", path, "--camera", "deck"),
+    ]
+    return Recipe(commands, _PROGRAM.format(path=path, joint=joint))
 
 
 def exchange(log: JointLog) -> tuple[list[str], list[tuple[str, str, str]]]:
@@ -103,6 +115,10 @@ def exchange(log: JointLog) -> tuple[list[str], list[tuple[str, str, str]]]:
     if log.unit_pose is None:
         return [], []
     outcome = rpcm_outcome(log)
-    warning = outcome.warning()
-    phases = [(name, f"{start:.1f}", f"{end:.1f}") for name, (start, end) in outcome.phases.items()]
-    return [f"exchange: {outcome}", *([f"warning: {warning}"] if warning else [])], phases
+    lines = [f"exchange: {outcome}"]
+    if warning := outcome.warning():
+        lines.append(f"warning: {warning}")
+    phases = []
+    for name, (start, end) in outcome.phases.items():
+        phases.append((name, f"{start:.1f}", f"{end:.1f}"))
+    return lines, phases

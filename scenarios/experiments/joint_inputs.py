@@ -45,12 +45,12 @@ class JointInputs(InputIndependence):
         """Return one line if a full model cannot be identified, else None."""
         if self.full:
             return None
-        which = f"the commands of {', '.join(self.names)}"
+        subject = f"the commands of {', '.join(self.names)}"
         if not self.block_diagonal:
             orders = ", ".join(map(str, self.orders))
-            return f"{which} excite to the orders {orders}, expected {self.lags} for the models of the study"
+            return f"{subject} excite to the orders {orders}, expected {self.lags} for the models of the study"
         return (
-            f"{which} move together (condition {self.condition:.3g} between them, limit {LIMIT:g}): no full model of "
+            f"{subject} move together (condition {self.condition:.3g} between them, limit {LIMIT:g}): no full model of "
             "several inputs can be identified, at best one of each joint by its own command; independent_channels helps"
         )
 
@@ -60,6 +60,7 @@ def moved_joints(experiment: Experiment) -> tuple[str, ...]:
 
     The wrist moves too, to hold the orientation, but three translations move at most three joints independently.
     """
+    # Axes of Cartesian modes are directions of the tool.
     return STUDIED_JOINTS if experiment.mode.startswith("cartesian") else tuple(experiment.axes)
 
 
@@ -74,7 +75,8 @@ def joint_inputs(commands: np.ndarray, joints: tuple[str, ...]) -> JointInputs |
         The measures; None if fewer than two joints move, or the record is too short.
     """
     moving = [joint for joint in joints if np.ptp(commands[:, JOINTS.index(joint)]) > STILL]
-    measures = input_independence(commands[:, [JOINTS.index(joint) for joint in moving]], moving, lags=LAGS)
+    columns = [JOINTS.index(joint) for joint in moving]
+    measures = input_independence(commands[:, columns], moving, lags=LAGS)
     return None if measures is None else JointInputs(**vars(measures))
 
 
@@ -83,4 +85,6 @@ def settled_inputs(commands: np.ndarray, experiment: Experiment) -> JointInputs 
     if experiment.operator() is not None:
         return None
     start = round(SETTLING / SAMPLE_TIME)
-    return joint_inputs(commands[start if len(commands) > 2 * start else 0 :], moved_joints(experiment))
+    if len(commands) > 2 * start:  # of shorter records too little would be left
+        commands = commands[start:]
+    return joint_inputs(commands, moved_joints(experiment))

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 from types import MappingProxyType
 
 
@@ -35,13 +36,16 @@ chooses again.
 
 
 def _structures(joint: str, armax: tuple[int, int, int, int], chosen: str) -> tuple[Structure, ...]:
+    """The structures of a joint, from the orders of its ARMAX and the method of its model in the thesis."""
     na, nb, nc, nk = armax
-    sufficient = "OE {}/{}, delay {}, sufficient without friction".format(*SUFFICIENT[joint])
+    armax_label = f"ARMAX {na}/{nb}/{nc}, delay {nk}"
+    sufficient_label = "OE {}/{}, delay {}, sufficient without friction".format(*SUFFICIENT[joint])
     return (
-        Structure("armax", "armax", armax, chosen == "armax", f"ARMAX {na}/{nb}/{nc}, delay {nk}"),
+        Structure("armax", "armax", armax, chosen == "armax", armax_label),
         Structure("oe", "oe", (2, 2, nk), chosen == "oe", f"OE 2/2, delay {nk}"),
+        # The thesis has a three-joint model by OKID beside that by prediction error.
         Structure("okid", "okid", (2, 5), True, "OKID order 2, p = 5"),
-        Structure("oe_high", "oe", SUFFICIENT[joint], False, sufficient),
+        Structure("oe_high", "oe", SUFFICIENT[joint], False, sufficient_label),
     )
 
 
@@ -62,41 +66,43 @@ def every_structure(joint: str) -> tuple[Structure, ...]:
 
     The thesis gives no orders for ARX and IV4: they get those that they share with its ARMAX.
     """
-    own = {entry.method: entry for entry in STRUCTURES[joint]}
-    na, nb, _, nk = own["armax"].orders
-    arx, iv4 = (
-        Structure(name, name, (na, nb, nk), False, f"{name.upper()} {na}/{nb}, delay {nk}") for name in ("arx", "iv4")
-    )
-    return arx, own["armax"], iv4, own["oe"], own["okid"]
+    structures = {structure.method: structure for structure in STRUCTURES[joint]}
+    na, nb, _, nk = structures["armax"].orders
+    arx = Structure("arx", "arx", (na, nb, nk), False, f"ARX {na}/{nb}, delay {nk}")
+    iv4 = Structure("iv4", "iv4", (na, nb, nk), False, f"IV4 {na}/{nb}, delay {nk}")
+    return arx, structures["armax"], iv4, structures["oe"], structures["okid"]
 
 
 @cache
 def needed_orders() -> Mapping[str, int]:
     """Return the order of excitation that each model of the study needs, by estimator and orders, lowest first."""
-    # Numerator and denominator together, or the observer's p and the direct term.
-    needed = {
-        f"{entry.estimator} {' '.join(map(str, entry.orders))}": (
-            entry.orders[1] + (1 if entry.estimator == "okid" else entry.orders[0])
-        )
-        for structures in STRUCTURES.values()
-        for entry in structures
-    }
-    return MappingProxyType(dict(sorted(needed.items(), key=lambda item: (item[1], item[0]))))
+    needed: dict[str, int] = {}
+    for structure in chain.from_iterable(STRUCTURES.values()):
+        label = f"{structure.estimator} {' '.join(map(str, structure.orders))}"
+        # Numerator and denominator together, or the observer's p and the direct term.
+        if structure.estimator == "okid":
+            _, p = structure.orders
+            needed[label] = p + 1
+        else:
+            needed[label] = structure.orders[0] + structure.orders[1]
+    return MappingProxyType(dict(sorted(needed.items(), key=lambda label_and_order: label_and_order[::-1])))
 
 
 def excitation_order_warning(order: int) -> str | None:
     """Return one line that names the models of the study for which an order of excitation is too low, or None."""
-    every = len(needed_orders())
+    models_of_study = len(needed_orders())
     unmet = {label: needed for label, needed in needed_orders().items() if needed > order}
     if not unmet:
         return None
-    if len(unmet) == every:
+    if len(unmet) == models_of_study:
         return f"order of excitation {order} is too low for every model of the study: they need {_span(unmet.values())}"
+    # By estimator, because a line for each model would be long.
     by_estimator: dict[str, list[int]] = {}
     for label, needed in unmet.items():
         by_estimator.setdefault(label.split()[0], []).append(needed)
-    models = ", ".join(f"{name} ({_span(needed)})" for name, needed in by_estimator.items())
-    return f"order of excitation {order} is too low for {len(unmet)} of the {every} models of the study: {models}"
+    estimators = ", ".join(f"{name} ({_span(needed)})" for name, needed in by_estimator.items())
+    share = f"{len(unmet)} of the {models_of_study} models of the study"
+    return f"order of excitation {order} is too low for {share}: {estimators}"
 
 
 def _span(values: Iterable[int]) -> str:

@@ -1,6 +1,7 @@
 """Random-phase multisines, and the experiments that play their realisations."""
 
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any, ClassVar, get_type_hints
 
 import numpy as np
@@ -51,12 +52,13 @@ class Multisines:
 
     def __post_init__(self) -> None:
         check_seed(self.seed)
-        for name, kind in get_type_hints(type(self)).items():
-            codec.structure(kind, getattr(self, name), f"multisines: {name}")
+        for name, type_hint in get_type_hints(type(self)).items():
+            codec.structure(type_hint, getattr(self, name), f"multisines: {name}")
         ticks = self.period * SAMPLE_RATE
+        is_whole = 8 <= ticks <= 10**6 and abs(ticks - round(ticks)) < 1e-6
         checks = {
             "rms": (0.0 < self.rms <= 1.0, "above 0 and up to 1 rad"),
-            "period": (8 <= ticks <= 10**6 and abs(ticks - round(ticks)) < 1e-6, "a multiple of 0.02 s from 0.16 s on"),
+            "period": (is_whole, "a multiple of 0.02 s from 0.16 s on"),
             "realisations": (2 <= self.realisations <= 10**4, "2 or more"),
             "periods": (2 <= self.periods <= 10**4, "2 or more"),
             "settling": (1 <= self.settling <= 10**4, "1 or more: records start at rest"),
@@ -89,8 +91,9 @@ class Multisines:
         if not self.odd:
             return band
         odd = band[band % 2 == 1]
-        groups = np.arange(0, len(odd) - GROUP + 1, GROUP)
-        silent = groups + np.random.default_rng([self.seed, 1]).integers(0, GROUP, len(groups))
+        group_starts = np.arange(0, len(odd) - GROUP + 1, GROUP)
+        # A stream of its own: the phases are drawn from [seed, 0, realisation].
+        silent = group_starts + np.random.default_rng([self.seed, 1]).integers(0, GROUP, len(group_starts))
         return np.delete(odd, silent)
 
     @property
@@ -98,6 +101,7 @@ class Multisines:
         """All multiples of 1 / period between the lowest and the highest line, excited or silent."""
         multiples = np.arange(1, (self.samples - 1) // 2 + 1)
         frequencies = multiples / self.period
+        # A line that stands at an end of the band belongs to it, whatever its last digit.
         return multiples[(frequencies >= self.f_min - 1e-9) & (frequencies <= self.f_max + 1e-9)]
 
     def offsets(self, realisation: int, record: int = 0, axes: int = 1) -> np.ndarray:
@@ -112,6 +116,7 @@ class Multisines:
             Offsets (N, axes) at 50 Hz, rad, N = 50 duration.
         """
         lines = self.lines
+        # The same draws for every record: their phases must stay orthogonal.
         rng = np.random.default_rng([self.seed, 0, realisation])
         axis_phases = rng.random((axes, len(lines)))
         record_phases = rng.random((axes, len(lines)))
@@ -202,7 +207,8 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
     hold = interface.hold if chain.hold else 1
     # Half a count of the coarsest converter that rounds, as an angle, rad: smaller ones are rounded to zero.
     converters = ((chain.dac, BOARD.dac_step), (chain.adc, interface.adc_step))
-    least = 0.5 * interface.gain * max((step for rounds, step in converters if rounds), default=0.0)
+    coarsest_step = max((step for rounds, step in converters if rounds), default=0.0)
+    smallest_rms = 0.5 * interface.gain * coarsest_step
     problems = [
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
@@ -213,9 +219,9 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
             f"{multisines.samples} samples",
         ),
         (
-            multisines.rms < least,
-            f"an amplitude of {multisines.rms:g} rad given, expected {least:.3g} rad or more: below half a count of "
-            "the converters the noise of the wires, not the multisine, moves the command",
+            multisines.rms < smallest_rms,
+            f"an amplitude of {multisines.rms:g} rad given, expected {smallest_rms:.3g} rad or more: below half a "
+            "count of the converters the noise of the wires, not the multisine, moves the command",
         ),
     ]
     for fails, message in problems:
@@ -224,10 +230,11 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
     shared = ("name", "variant", "payload", "plant", "specimen", "pose", "worksite", "chain", "hand_controller")
     values: dict[str, Any] = {name: getattr(setting, name) for name in shared}
     first = MultisineExperiment(axes=tuple(setting.axes), multisines=multisines, **values)
-    records = [(r, e) for r in range(multisines.realisations) for e in range(len(first.axes))]
+    numbers = list(product(range(multisines.realisations), range(len(first.axes))))
     # 63 bits: what a record's file can hold.
-    seeds = np.random.SeedSequence([setting.seed, 5]).generate_state(len(records), np.uint64) >> np.uint64(1)
-    return tuple(
-        replace(first, name=f"{first.name}-{r}-{e}", realisation=r, record=e, seed=int(seed))
-        for (r, e), seed in zip(records, seeds, strict=True)
-    )
+    seeds = np.random.SeedSequence([setting.seed, 5]).generate_state(len(numbers), np.uint64) >> np.uint64(1)
+    experiments = []
+    for (realisation, record), seed in zip(numbers, seeds, strict=True):
+        name = f"{first.name}-{realisation}-{record}"
+        experiments.append(replace(first, name=name, realisation=realisation, record=record, seed=int(seed)))
+    return tuple(experiments)

@@ -120,10 +120,12 @@ def way_to(target: Pose | None, view: View, *, carry: bool) -> tuple[np.ndarray,
         view: The view.
         carry: Whether the unit is carried there instead of the tool.
     """
-    unit = view.unit
-    place, frame = (unit.position, unit.rotation) if carry and unit else (view.tool_position, view.tool_rotation)
-    goal = target or ((unit.position, unit.rotation) if unit else (place, frame))
-    return view.tool_rotation.T @ (goal[0] - place), pin.log3(frame.T @ goal[1])
+    tool = (view.tool_position, view.tool_rotation)
+    unit = (view.unit.position, view.unit.rotation) if view.unit else None
+    position, rotation = unit if carry and unit else tool
+    # In free space there is no unit: without a target the way is then none.
+    goal_position, goal_rotation = target or unit or (position, rotation)
+    return view.tool_rotation.T @ (goal_position - position), pin.log3(rotation.T @ goal_rotation)
 
 
 class ScriptedOperator:
@@ -140,7 +142,9 @@ class ScriptedOperator:
         self._script = script
         self._gains = gains
         self._skill = skill = skill or Skill()
+        # A stream of its own: one seed draws the noise of the laboratory too.
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(6,)))
+        # What the operator acts on is as old as the reaction time.
         self._seen: deque[View] = deque(maxlen=1 + round(skill.reaction / SAMPLE_TIME))
         self._index = 0
         self._movement: Submovement | None = None
@@ -169,29 +173,26 @@ class ScriptedOperator:
         elif time >= self._look_at:
             self._decide(step, seen, time)
         velocity = self._movement.velocity(time) if self._movement else np.zeros(6)
+        # Just within the ±10 V of the converter.
         return Motion(np.clip(velocity / self._gains, -9.9, 9.9), self._grip)
 
     def _decide(self, step: Step, seen: View, time: float) -> None:
+        """Choose what to do next: wait at the target, grip or release there, or move towards it."""
         skill = self._skill
         if self._reached is not None:
-            if step.closed and seen.unit is not None and not seen.unit.held:
-                # The fingers missed the unit: open them and look again.
-                self._grip, self._reached, self._look_at = False, None, time + 2.0 * skill.reaction
-            elif time >= self._reached + step.pause:
-                self._index, self._reached = self._index + 1, None
+            self._wait_at_target(step, seen, time, self._reached)
             return
         offset, turn = self._error(step, seen)
         force = self._force(seen) if step.touching else np.zeros(3)
         aside = step.near if step.aside is None else step.aside
-        stands = abs(offset[0]) < 2.0 * step.near and np.linalg.norm(force) > skill.resistance
-        if stands and not self._eased:
-            # The unit stands on its seat: take the load off before releasing it.
+        stands_on_seat = abs(offset[0]) < 2.0 * step.near and np.linalg.norm(force) > skill.resistance
+        if stands_on_seat and not self._eased:
+            # Take the load off before releasing the unit.
             self._eased = True
             self._start(force / skill.stiffness, np.zeros(3), step, time, yielding=True)
             return
-        at_target = (
-            abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside and np.abs(turn).max() <= step.turn
-        )
+        near_enough = abs(offset[0]) <= step.near and np.abs(offset[1:]).max() <= aside
+        at_target = near_enough and np.abs(turn).max() <= step.turn
         if self._eased or at_target:
             self._reached, self._grip, self._eased = time, step.closed, False
             # The operator sees the result of a grip only after the reaction time.
@@ -205,7 +206,15 @@ class ScriptedOperator:
             offset[1:] = np.where(pushed, force[1:] / skill.stiffness, seen_aside)
         self._start(offset, turn, step, time)
 
+    def _wait_at_target(self, step: Step, seen: View, time: float, reached: float) -> None:
+        """Go on to the next step after the pause; look again if the end effector closed beside the unit."""
+        if step.closed and seen.unit is not None and not seen.unit.held:
+            self._grip, self._reached, self._look_at = False, None, time + 2.0 * self._skill.reaction
+        elif time >= reached + step.pause:
+            self._index, self._reached = self._index + 1, None
+
     def _start(self, offset: np.ndarray, turn: np.ndarray, step: Step, time: float, *, yielding: bool = False) -> None:
+        """Begin a submovement, as far as a stride reaches, with errors that grow with its length."""
         skill, length = self._skill, float(np.linalg.norm(offset))
         offset = offset * min(1.0, step.stride / max(length, 1e-9))
         length = float(np.linalg.norm(offset))
@@ -220,7 +229,8 @@ class ScriptedOperator:
 
     def _force(self, seen: View) -> np.ndarray:
         """Return the contact force on the tool, in its frame (3,), N: the wrist force less the known weight."""
-        mass = LINKS["end_effector"].mass + (UNIT.mass if seen.unit and seen.unit.held else 0.0)
+        held_mass = UNIT.mass if seen.unit and seen.unit.held else 0.0
+        mass = LINKS["end_effector"].mass + held_mass
         return np.asarray(mass * GRAVITY * seen.tool_rotation[2] - seen.wrench[:3])
 
     def _error(self, step: Step, seen: View) -> tuple[np.ndarray, np.ndarray]:

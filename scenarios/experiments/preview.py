@@ -71,7 +71,8 @@ class Preview:
     @property
     def moving(self) -> tuple[str, ...]:
         """Joints that the commands move by more than rounding."""
-        return tuple(name for name, reach in zip(JOINTS, np.ptp(self.commands, axis=0), strict=True) if reach > STILL)
+        ranges = zip(JOINTS, np.ptp(self.commands, axis=0), strict=True)
+        return tuple(joint for joint, reach in ranges if reach > STILL)
 
     def peak_rate(self, joint: str) -> float:
         """Return the largest rate of a joint's command, rad/s."""
@@ -104,61 +105,61 @@ class Preview:
     @property
     def orders(self) -> tuple[int, ...]:
         """Order of persistent excitation of each file."""
-        return tuple(entry.waveform().order_of_excitation() for entry in self.scenario.excitation)
+        return tuple(signal.waveform().order_of_excitation() for signal in self.scenario.excitation)
 
     def joint_rows(self) -> list[tuple[str, str, str, str]]:
         """Return for each moving joint its name, peak rate, velocity limit and distance from the range's end."""
-        return [
-            (
-                joint,
-                f"{degrees(self.peak_rate(joint)):.1f} deg/s",
-                f"{degrees(self.velocity_limits[JOINTS.index(joint)]):.1f} deg/s",
-                f"{degrees(self.margin(joint)):.1f} deg",
-            )
-            for joint in self.moving
-        ]
+        rows = []
+        for joint in self.moving:
+            peak_rate = f"{degrees(self.peak_rate(joint)):.1f} deg/s"
+            limit = f"{degrees(self.velocity_limits[JOINTS.index(joint)]):.1f} deg/s"
+            rows.append((joint, peak_rate, limit, f"{degrees(self.margin(joint)):.1f} deg"))
+        return rows
 
     def lines(self) -> list[str]:
         """Return the rest of the preview in words."""
-        texts = [
+        adc_clipped = self.share(Status.CONVERTER_SATURATED)
+        lines = [
             f"tool: up to {1000 * self.deflection:.1f} mm and {degrees(self.turn):.3f} deg from its start",
             f"command rate-limited: {100 * self.velocity_limited:.3g} % of the time",
             f"clipped: {100 * self.dac_clipped:.3g} % by the excitation computer's converter, "
-            f"{100 * self.share(Status.CONVERTER_SATURATED):.3g} % by the hand controller's",
+            f"{100 * adc_clipped:.3g} % by the hand controller's",
             f"order of excitation: {', '.join(map(str, self.orders))}",
         ]
         if self.inputs is not None:
             names = ", ".join(self.inputs.names)
-            texts.append(f"condition between the commands of {names}: {self.inputs.condition:.3g}")
-        return texts
+            lines.append(f"condition between the commands of {names}: {self.inputs.condition:.3g}")
+        return lines
 
     def warnings(self) -> tuple[str, ...]:
         """Return what the operator should know before the arm moves, one line each."""
-        texts = []
+        warnings = []
         if self.power_off is not None:
-            texts.append(
+            warnings.append(
                 f"power off at {self.power_off:g} s: commands from then on depend on the arm and are not previewed"
             )
-        if (text := deadband_warning(self.scenario)) is not None:
-            texts.append(text)
+        if (deadband := deadband_warning(self.scenario)) is not None:
+            warnings.append(deadband)
         for flag, meaning in (
             (Status.JOINT_LIMITED, "of the ticks a joint stands at an end of its range"),
             (Status.SINGULAR, "of the ticks the tool lags because the pose is near singular"),
             (Status.CONVERTER_SATURATED, "of the ticks the hand controller's converter stands at an end of its range"),
         ):
             if share := self.share(flag):
-                texts.append(f"{100 * share:.3g} % {meaning}")
+                warnings.append(f"{100 * share:.3g} % {meaning}")
         if self.dac_clipped:
-            texts.append(
+            warnings.append(
                 f"{100 * self.dac_clipped:.3g} % of the samples ask for more than the ±{BOARD.dac_range:g} V of the "
                 "excitation computer's converter"
             )
-        if any(entry.misses_points for entry in self.scenario.excitation):
-            texts.append(MISSES_POINTS)
-        texts += dict.fromkeys(text for text in map(excitation_order_warning, self.orders) if text)
-        if self.inputs is not None and (text := self.inputs.warning()):
-            texts.append(text)
-        return tuple(texts)
+        if any(signal.misses_points for signal in self.scenario.excitation):
+            warnings.append(MISSES_POINTS)
+        # Axes that play the same file have the same warning: it is given once.
+        order_warnings = dict.fromkeys(map(excitation_order_warning, self.orders))
+        warnings += [warning for warning in order_warnings if warning]
+        if self.inputs is not None and (independence := self.inputs.warning()):
+            warnings.append(independence)
+        return tuple(warnings)
 
 
 def preview(scenario: Scenario) -> Preview:

@@ -15,11 +15,13 @@ from sysid.plots.panels import panels
 def waveform_figure(waveform: Waveform) -> Figure:
     """Draw the 100 points over time and the power of each spectral line [Morris1996, fig. 11 to 16]."""
     figure, ((upper,), (lower,)) = panels(2, 1, (7.0, 4.6))
+    # One point more: the last step is drawn to its end, where the file repeats.
     time = np.arange(len(waveform.points) + 1) / waveform.update_rate
     colour = PALETTE["armax"].colour
     upper.step(time, np.append(waveform.points, waveform.points[0]), where="post", color=colour, lw=1.2)
     upper.set(xlabel="time / s", ylabel="voltage / V", xlim=(0, waveform.period))
     frequency, density = waveform.psd()
+    # Weaker ones are rounding.
     lines = density > 1e-12 * density.max()
     # Whole decades: between them labels would be close, or none.
     bottom, top = 10.0 ** np.floor(np.log10((0.3 * density[lines].min(), 15.0 * density.max())))
@@ -54,16 +56,19 @@ def preview_figure(preview: Preview) -> Figure:
     moving = preview.moving
     figure, grid = panels(4, 1, (8.0, 9.0), sharex=True)
     volts, angles, rates, tool = grid[:, 0]
-    for number, axis in enumerate(preview.scenario.axes):
-        _line(volts, time, preview.volts[:count, number], number, axis)
+    for index, axis in enumerate(preview.scenario.axes):
+        _line(volts, time, preview.volts[:count, index], index, axis)
     volts.set(ylabel="at the converter / V")
     shown = np.degrees(preview.commands[:count] - preview.commands[0])
     speeds = np.degrees(preview.rates[:count])
-    for number, joint in enumerate(moving):
+    limits = set[float]()
+    for index, joint in enumerate(moving):
         column = JOINTS.index(joint)
-        _line(angles, time, shown[:, column], number, joint.replace("_", " "))
-        _line(rates, time[: len(speeds)], speeds[:, column], number, joint.replace("_", " "))
-    for limit in sorted({float(np.degrees(preview.velocity_limits[JOINTS.index(joint)])) for joint in moving}):
+        _line(angles, time, shown[:, column], index, joint.replace("_", " "))
+        _line(rates, time[: len(speeds)], speeds[:, column], index, joint.replace("_", " "))
+        limits.add(float(np.degrees(preview.velocity_limits[column])))
+    # Joints with the same limit share its line.
+    for limit in sorted(limits):
         for sign in (-1.0, 1.0):
             rates.axhline(sign * limit, color=BOUND.colour, ls=BOUND.line, lw=BOUND.width)
     limited = (preview.status[:count] & _LIMITS) != 0
@@ -71,8 +76,8 @@ def preview_figure(preview: Preview) -> Figure:
         axes.vlines(time[limited], 0, 1, transform=axes.get_xaxis_transform(), color=RED, alpha=0.25, lw=1.0)
     angles.set(ylabel="command / deg")
     rates.set(ylabel="its rate / (deg/s)")
-    for number, axis in enumerate("xyz"):
-        _line(tool, time, 1000.0 * preview.tool[:count, number], number, axis)
+    for index, axis in enumerate("xyz"):
+        _line(tool, time, 1000.0 * preview.tool[:count, index], index, axis)
     tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], SAMPLE_TIME)))
     for axes in (volts, angles, tool):
         if axes.get_legend_handles_labels()[0]:
@@ -95,5 +100,6 @@ def preview_figure(preview: Preview) -> Figure:
     return figure
 
 
-def _line(axes: Axes, time: np.ndarray, values: np.ndarray, number: int, label: str) -> None:
-    axes.step(time, values, where="post", color=COLOURS[number], ls=LINES[number], lw=1.2, label=label)
+def _line(axes: Axes, time: np.ndarray, values: np.ndarray, index: int, label: str) -> None:
+    """Draw a curve that holds each value until the next, in the colour and style of its index."""
+    axes.step(time, values, where="post", color=COLOURS[index], ls=LINES[index], lw=1.2, label=label)

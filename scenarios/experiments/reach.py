@@ -28,6 +28,7 @@ class ReachingOperator:
 
     def __init__(self, gains: np.ndarray, seed: int) -> None:
         self._gains = gains
+        # A stream of its own: one seed draws the noise of the laboratory too.
         self._rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(7,)))
         self._place = np.zeros(6)
         self._movement = Submovement(np.zeros(6), 0.0, Skill.quickest)
@@ -38,7 +39,9 @@ class ReachingOperator:
         if view.time >= self._next:
             target = self._rng.uniform(-1.0, 1.0, 6) * np.repeat((REACH, TURN), 3)
             way = target - self._place
-            fastest = np.linalg.norm(way[:3]) / Step.speed, np.linalg.norm(way[3:]) / Skill.turning
-            self._movement = Submovement(way, view.time, max(Skill.quickest, PEAK * float(max(fastest))))
+            # As long as the slower of translation and rotation takes at its peak speed.
+            times_at_peak_speed = np.linalg.norm(way[:3]) / Step.speed, np.linalg.norm(way[3:]) / Skill.turning
+            duration = max(Skill.quickest, PEAK * float(max(times_at_peak_speed)))
+            self._movement = Submovement(way, view.time, duration)
             self._place, self._next = target, self._movement.end + self._rng.uniform(*PAUSE)
         return Motion(self._movement.velocity(view.time) / self._gains, grip=False)

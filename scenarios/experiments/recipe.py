@@ -37,10 +37,10 @@ def excitation_recipe(excitation: Excitation, file: str) -> Recipe:
     """Return command and Python that give the numbers of an excitation, its points from a file if they are its own."""
     lines = ["from scenarios.experiments import Excitation"]
     lines += ["from scenarios.experiments.excitation_review import excitation_summary"]
-    defaults = {name: entry.default for name, entry in signature(KINDS[excitation.kind]).parameters.items()}
-    own = {name: value for name, value in excitation.parameters.items() if value != defaults[name]}
+    arguments = signature(KINDS[excitation.kind]).parameters
+    changed = {name: value for name, value in excitation.parameters.items() if value != arguments[name].default}
     settings = {name: value for name in SETTINGS if (value := getattr(excitation, name)) is not None}
-    parameters, options = repr(own), {**own, **settings}
+    parameters, options = repr(changed), {**changed, **settings}
     options.pop("iterations", None)  # the command shows one period
     if excitation.kind == "points":
         parameters, options["path"] = f'{{"points": read_points({file!r})}}', file
@@ -49,9 +49,10 @@ def excitation_recipe(excitation: Excitation, file: str) -> Recipe:
     words = ["hmtb", "waveform", kind_word(excitation.kind)]
     for name, value in options.items():
         # In one word: a value may begin with a minus sign.
-        words.append(f"--{name.replace('_', '-')}" + ("" if value is True else f"={value}"))
-    arguments = ", ".join([repr(excitation.kind), parameters, *(f"{name}={settings[name]!r}" for name in settings)])
-    lines += ["", f"excitation = Excitation({arguments})"]
+        option = f"--{name.replace('_', '-')}"
+        words.append(option if value is True else f"{option}={value}")
+    call = ", ".join([repr(excitation.kind), parameters, *(f"{name}={value!r}" for name, value in settings.items())])
+    lines += ["", f"excitation = Excitation({call})"]
     lines += ["print(excitation.waveform().points)", "print(excitation_summary(excitation))"]
     return Recipe([words], "\n".join(lines))
 
@@ -63,11 +64,10 @@ def kind_word(kind: str) -> str:
 
 def scenario_recipe(scenario: Scenario) -> Recipe:
     """The run of a scenario without the page."""
-    table_ = registered().get(scenario.name)
-    if table_ is not None and Scenario.from_table(table_) == scenario:
-        source = scenario.name
-    else:
-        source = f"{scenario.name}.toml"
+    table = registered().get(scenario.name)
+    # A registered scenario that was changed on the page goes by a file of its own.
+    is_registered = table is not None and Scenario.from_table(table) == scenario
+    source = scenario.name if is_registered else f"{scenario.name}.toml"
     return Recipe(
         commands=(("hmtb", "preview", source), ("hmtb", "simulate", source)),
         python=(

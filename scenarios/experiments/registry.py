@@ -6,6 +6,7 @@ Their tables are plain data: a list of them needs no laboratory, which takes mor
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,109 +23,119 @@ Table = dict[str, Any]
 def single_joint_tests() -> list[Table]:
     """The 24 single-joint tests of the thesis [Morris1996, table 1], then the same on the joints that it left alone."""
     source = package_table("table1.toml")
-    groups = (
-        (source["joints"], source["tags"], 0),
-        (source["other_joints"], source["other_tags"], len(source["joints"])),
-    )
-    return [
-        {
-            "name": f"siso-{test['number']}-{joint}",
-            "axes": [joint],
-            "duration": source["duration"],
-            # Every test has noise of its own, whichever joints are added later.
-            "seed": 100 * test["number"] + position,
-            "description": f"{joint.replace('_', ' ')}: {test['description']}",
-            "tags": [*tags, joint, test["excitation"]["kind"]],
-            "excitation": test["excitation"],
-        }
-        for joints, tags, first in groups
-        for test in source["test"]
-        for position, joint in enumerate(joints, start=first)
-    ]
+    tables = _tests_of_joints(source, source["joints"], source["tags"], first_position=0)
+    # Every test has noise of its own: the joints that were added later are counted on from those of the thesis.
+    added_from = len(source["joints"])
+    return tables + _tests_of_joints(source, source["other_joints"], source["other_tags"], first_position=added_from)
+
+
+def _tests_of_joints(source: Table, joints: Sequence[str], tags: Sequence[str], *, first_position: int) -> list[Table]:
+    """Every test of Table 1 on each of the joints."""
+    tables = []
+    for test in source["test"]:
+        number, excitation = test["number"], test["excitation"]
+        for position, joint in enumerate(joints, start=first_position):
+            table = {
+                "name": f"siso-{number}-{joint}",
+                "axes": [joint],
+                "duration": source["duration"],
+                "seed": 100 * number + position,
+                "description": f"{_in_words(joint)}: {test['description']}",
+                "tags": [*tags, joint, excitation["kind"]],
+                "excitation": excitation,
+            }
+            tables.append(table)
+    return tables
+
+
+def _in_words(joint: str) -> str:
+    return joint.replace("_", " ")
 
 
 def table2() -> list[Table]:
     """The 13 tests of several joints of the thesis [Morris1996, table 2]."""
     source = package_table("table2.toml")
-    return [
-        {
-            "name": f"mimo-{test['number']}",
+    tables = []
+    for test in source["test"]:
+        number, excitation = test["number"], test["excitation"]
+        table = {
+            "name": f"mimo-{number}",
             "axes": source["axes"],
             "mode": source["mode"],
             "duration": source["duration"],
-            "seed": 2000 + test["number"],
+            "seed": 2000 + number,
             "description": f"tool along x, y and z: {test['description']}",
-            "tags": [*source["tags"], test["excitation"]["kind"]],
+            "tags": [*source["tags"], excitation["kind"]],
             "hand_controller": {"compensation": source["compensation"]},
-            "excitation": test["excitation"],
+            "excitation": excitation,
         }
-        for test in source["test"]
-    ]
+        tables.append(table)
+    return tables
 
 
 def independent() -> list[Table]:
     """Tests of Table 2 with a waveform of its own on every axis."""
-    extra = package_table("table2.toml")["independent"]
-    shared = {table["seed"] - 2000: table for table in table2()}
-    return [
-        {
-            **shared[number],
+    source = package_table("table2.toml")["independent"]
+    common_waveform_tests = {table["name"]: table for table in table2()}
+    tables = []
+    for number in source["tests"]:
+        test = common_waveform_tests[f"mimo-{number}"]
+        excitation = test["excitation"]
+        changes = {
             "name": f"mimo-{number}-independent",
             "seed": 3000 + number,
-            "description": f"{shared[number]['description']}, another one on every axis",
-            "tags": [*extra["tags"], shared[number]["excitation"]["kind"]],
+            "description": f"{test['description']}, another one on every axis",
+            "tags": [*source["tags"], excitation["kind"]],
             "independent_channels": True,
-            "excitation": [{**shared[number]["excitation"], "seed": seed} for seed in extra["seeds"]],
+            "excitation": [{**excitation, "seed": seed} for seed in source["seeds"]],
         }
-        for number in extra["tests"]
-    ]
+        tables.append({**test, **changes})
+    return tables
 
 
 def exchange() -> list[Table]:
     """Tasks of an operator: the exchange of the replacement unit [Morris1996, sec. I.3 and VI.4], and free motion."""
     source = package_table("rpcm.toml")
-    compensation = package_table("table2.toml")["compensation"]
-    return [
-        {
-            "axes": source["axes"],
-            "mode": source["mode"],
-            "worksite": True,
-            "payload": "none",
-            "tags": source["tags"],
-            **test,
-            "hand_controller": {"compensation": compensation},
-        }
-        for test in source["test"]
-    ]
+    every_test = {
+        "axes": source["axes"],
+        "mode": source["mode"],
+        "worksite": True,
+        "payload": "none",
+        "tags": source["tags"],
+    }
+    hand_controller = {"compensation": package_table("table2.toml")["compensation"]}
+    return [{**every_test, **test, "hand_controller": hand_controller} for test in source["test"]]
 
 
 def tracking() -> list[Table]:
     """Tests of one joint whose payload is exchanged during the run."""
     source = package_table("track.toml")
-    return [
-        {
-            **source["every"],
+    every_test = source["every"]
+    tables = []
+    for position, joint in enumerate(source["joints"]):
+        table = {
+            **every_test,
             "name": f"track-{joint}",
             "axes": [joint],
-            "seed": 5000 + number,
-            "description": f"{joint.replace('_', ' ')}: {source['description']}",
-            "tags": [*source["tags"], joint, source["every"]["excitation"]["kind"]],
+            "seed": 5000 + position,
+            "description": f"{_in_words(joint)}: {source['description']}",
+            "tags": [*source["tags"], joint, every_test["excitation"]["kind"]],
         }
-        for number, joint in enumerate(source["joints"])
-    ]
+        tables.append(table)
+    return tables
 
 
 def every_joint() -> list[Table]:
     """All seven joints at once, each with a multisine of its own: what the thesis left to future work [Morris1996]."""
     source = package_table("every_joint.toml")
-    return [{**source, "excitation": [{**source["excitation"], "seed": seed} for seed in range(len(source["axes"]))]}]
+    multisine = source["excitation"]
+    return [{**source, "excitation": [{**multisine, "seed": seed} for seed in range(len(source["axes"]))]}]
 
 
 @cache
 def registered() -> Mapping[str, Table]:
     """The tables of all registered scenarios by name."""
-    makers = (single_joint_tests, table2, independent, exchange, tracking, every_joint)
-    tables = (table for maker in makers for table in maker())
+    tables = [*single_joint_tests(), *table2(), *independent(), *exchange(), *tracking(), *every_joint()]
     return {table["name"]: table for table in tables}
 
 
@@ -136,12 +147,14 @@ def names(tag: str | None = None) -> tuple[str, ...]:
     """
     if tag is not None and tag not in tags():
         raise ScenarioError(unknown("tag", tag, tags()))
-    return tuple(name for name, table in registered().items() if tag is None or tag in table["tags"])
+    if tag is None:
+        return tuple(registered())
+    return tuple(name for name, table in registered().items() if tag in table["tags"])
 
 
 def tags() -> tuple[str, ...]:
     """Every tag of the registered scenarios."""
-    return tuple(dict.fromkeys(tag for table in registered().values() for tag in table["tags"]))
+    return tuple(dict.fromkeys(chain.from_iterable(table["tags"] for table in registered().values())))
 
 
 def selected(words: Sequence[str], *, duration: float | None = None, seed: int | None = None) -> "list[Scenario]":
@@ -155,12 +168,17 @@ def selected(words: Sequence[str], *, duration: float | None = None, seed: int |
     Raises:
         ScenarioError: There is no word, a word names nothing, or a file is wrong.
     """
-    known = [name for word in words for name in (names(word) if word in tags() else (word,))]
-    if not known:
+    found_names: list[str] = []
+    for word in words:
+        if word in tags():
+            found_names += names(word)
+        else:
+            found_names.append(word)
+    if not found_names:
         raise ScenarioError(
             f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list; tags: {', '.join(tags())}"
         )
-    return [load(name, duration=duration, seed=seed) for name in known]
+    return [load(name, duration=duration, seed=seed) for name in found_names]
 
 
 def load(name: str | Path, *, duration: float | None = None, seed: int | None = None) -> "Scenario":
@@ -174,13 +192,18 @@ def load(name: str | Path, *, duration: float | None = None, seed: int | None = 
     Raises:
         ScenarioError: There is no such scenario or file, or the file is wrong.
     """
+    # Here, because it loads the laboratory; a list of names does without.
     from scenarios.experiments.scenario import Scenario
 
+    # A registered name has no ending: what ends so is a file, even if it is missing.
     if str(name).endswith(".toml"):
         scenario = Scenario.read(name)
     elif str(name) in registered():
         scenario = Scenario.from_table(registered()[str(name)])
     else:
         raise ScenarioError(unknown("scenario", name, registered(), listing="hmtb scenarios list"))
-    scenario = scenario if duration is None else replace(scenario, duration=duration)
-    return scenario if seed is None else scenario.reseeded(seed)
+    if duration is not None:
+        scenario = replace(scenario, duration=duration)
+    if seed is not None:
+        scenario = scenario.reseeded(seed)
+    return scenario

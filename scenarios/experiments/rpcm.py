@@ -1,6 +1,6 @@
 """Exchange of the replacement unit (RPCM): the operator's scripts, the tasks, and the outcome from the log."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from math import acos, radians
@@ -180,34 +180,53 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
         held & (above > RECEPTACLE.mouth),
         held & ~beside,
     )
-    ends: list[int] = []
-    for condition in conditions:
-        later = np.flatnonzero(condition[ends[-1] if ends else 0 :])
-        if not len(later):
-            break
-        ends.append(int(later[0]) + (ends[-1] if ends else 0))
+    ends = _ends_in_order(conditions)
     times = [0.0, *(end * log.dt for end in ends)]
+    completed = PHASES[: len(ends)]
+    phases = {name: (times[i], times[i + 1]) for i, name in enumerate(completed)}
     align, insert, release = map(PHASES.index, ("align", "insert", "release"))
     height, aside, tilt, peak = np.nan, np.nan, np.nan, 0.0
-    if len(ends) > align:
+    if "align" in completed:
         # A tick holds the largest force since the tick before: at the release it still belongs to the insertion.
-        peak = float(force[ends[align] : ends[insert] + 1 if len(ends) > insert else None].max())
-    if len(ends) > insert:
-        last = ends[release] - 1 if len(ends) > release else len(log) - 1
-        seated = np.empty(4)
-        mujoco.mju_mat2Quat(seated, RECEPTACLE.seated[1].ravel())
+        released = ends[insert] + 1 if "insert" in completed else None
+        peak = float(force[ends[align] : released].max())
+    if "insert" in completed:
+        # The unit is judged as it stands just before it is gripped again.
+        last = ends[release] - 1 if "release" in completed else len(log) - 1
         height, aside = float(above[last]), float(offset[last])
-        tilt = 2.0 * acos(min(1.0, abs(float(seated @ log.unit_pose[last, 3:]))))
+        tilt = _angle_to_receptacle(log.unit_pose[last, 3:])
     return RpcmOutcome(
         inserted=bool(height <= DEPTH and aside <= 2.0 * RECEPTACLE.clearance and tilt <= TILT),
         returned=len(ends) == len(PHASES),
-        phases=MappingProxyType({name: (times[i], times[i + 1]) for i, name in enumerate(PHASES[: len(ends)])}),
+        phases=MappingProxyType(phases),
         height=height,
         aside=aside,
         tilt=tilt,
         peak_contact_force=peak,
         largest_contact_force=float(force.max()),
     )
+
+
+def _ends_in_order(conditions: Sequence[np.ndarray]) -> list[int]:
+    """First tick at which each condition holds, not before that of the condition before; up to the first that fails."""
+    ends: list[int] = []
+    begin = 0
+    for condition in conditions:
+        ticks = np.flatnonzero(condition[begin:])
+        if not len(ticks):
+            break
+        begin += int(ticks[0])
+        ends.append(begin)
+    return ends
+
+
+def _angle_to_receptacle(quaternion: np.ndarray) -> float:
+    """Angle between a unit and the seat of the receptacle, rad: 2 acos |q'q0| of unit quaternions."""
+    seated = np.empty(4)
+    # Logs hold quaternions, seats rotation matrices.
+    mujoco.mju_mat2Quat(seated, RECEPTACLE.seated[1].ravel())
+    # The product may exceed 1 by rounding, where acos has no value.
+    return 2.0 * acos(min(1.0, abs(float(seated @ quaternion))))
 
 
 def _height(position: np.ndarray, seat: Seat) -> np.ndarray:
@@ -233,23 +252,25 @@ def check_task(task: str, experiment: Experiment, *, excited: bool) -> None:
     """
     if task not in (*TASKS, REACH):
         raise ScenarioError(unknown("task", task, (*TASKS, REACH)))
-    free = task == REACH
-    wrong = [
-        text
-        for fails, text in (
-            (experiment.mode != MODE, f'mode = "{MODE}"'),
-            (experiment.axes != TOOL_AXES, f"axes = {', '.join(TOOL_AXES)}"),
-            (experiment.worksite == free, f"worksite = {str(not free).lower()}"),
-            (not free and experiment.payload != "none", 'payload = "none", the unit in its holster'),
-            (excited, "no excitation"),
-        )
-        if fails
-    ]
-    if wrong:
-        raise ScenarioError(f"task {task!r} expects {'; '.join(wrong)}")
+    at_worksite = task != REACH
+    unmet = []
+    if experiment.mode != MODE:
+        unmet.append(f'mode = "{MODE}"')
+    if experiment.axes != TOOL_AXES:
+        unmet.append(f"axes = {', '.join(TOOL_AXES)}")
+    if experiment.worksite != at_worksite:
+        unmet.append(f"worksite = {str(at_worksite).lower()}")
+    if at_worksite and experiment.payload != "none":
+        unmet.append('payload = "none", the unit in its holster')
+    if excited:
+        unmet.append("no excitation")
+    if unmet:
+        raise ScenarioError(f"task {task!r} expects {'; '.join(unmet)}")
 
 
 def task_operator(task: str, seed: int, hand_controller: HandController) -> Operator:
     """Return an operator for a task; the seed draws the operator's errors, or where the tool is moved in free space."""
     gains = axis_gains(MODE, TOOL_AXES, hand_controller)
-    return ReachingOperator(gains, seed) if task == REACH else ScriptedOperator(TASKS[task](), gains, seed)
+    if task == REACH:
+        return ReachingOperator(gains, seed)
+    return ScriptedOperator(TASKS[task](), gains, seed)

@@ -1,5 +1,6 @@
 """Review of a simulated experiment: clipping, velocity limit, inputs, task, shutdowns, and warnings."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,45 +71,71 @@ def log_summary(log: JointLog) -> LogSummary:
     for channel in ("commanded", "measured", "true_angles", "wrench", "load_pressure"):
         if not np.isfinite(getattr(log, channel)).all():
             raise ScenarioError(f"{log.name}: values of {channel} are no numbers, expected a log that is complete")
-    about, remarks = log.provenance, []
+    remarks: list[str] = []
     clipped, limited = "", f"{100 * velocity_limited_share(log):.3g} %"
-    if "scenario" in about:
-        scenario = Scenario.from_toml(about["scenario"], source=f"scenario of {log.name}")
+    if "scenario" in log.provenance:
+        scenario = Scenario.from_toml(log.provenance["scenario"], source=f"scenario of {log.name}")
         if len(log) == round(scenario.duration / log.dt):
-            seen = review(log, scenario)
-            clipped, limited = seen.shares()
-            remarks = [str(entry) for entry in ((seen.task,) if seen.task else ()) + seen.shutdowns]
-            remarks += [f"warning: {text}" for text in seen.warnings]
+            whole_run = review(log, scenario)
+            clipped, limited = whole_run.shares()
+            remarks = _remarks(whole_run)
         else:
             remarks = [f"{len(log) * log.dt:g} s of {scenario.duration:g} s were recorded"]
+    row = (log.name, f"{len(log) * log.dt:g} s", clipped, limited)
+    return LogSummary(row, tuple(_facts(log)), tuple(remarks))
+
+
+def _remarks(run: RunReview) -> list[str]:
+    """Task, shutdowns and warnings of a run, in words."""
+    remarks = [str(run.task)] if run.task else []
+    remarks += [str(interval) for interval in run.shutdowns]
+    return remarks + [f"warning: {warning}" for warning in run.warnings]
+
+
+def _facts(log: JointLog) -> list[tuple[str, str]]:
+    """What a log is of, and the share of ticks with each flag that occurs, by name."""
+    about = log.provenance
     facts = [("axes", ", ".join(log.axes)), ("seed", str(log.seed))]
     facts += [(name, about[name]) for name in ("variant", "payload", "pose", "mode") if name in about]
-    shares = {str(flag.name).lower().replace("_", " "): np.mean((log.status & flag) != 0) for flag in Status}
-    facts += [(f"ticks {name}", f"{100 * share:.3g} %") for name, share in shares.items() if share]
-    return LogSummary((log.name, f"{len(log) * log.dt:g} s", clipped, limited), tuple(facts), tuple(remarks))
+    for flag in Status:
+        share = np.mean((log.status & flag) != 0)
+        if share:
+            flag_name = str(flag.name).lower().replace("_", " ")
+            facts.append((f"ticks {flag_name}", f"{100 * share:.3g} %"))
+    return facts
 
 
 def review(log: JointLog, scenario: Scenario) -> RunReview:
     """Review a log."""
+    # The excitation computer clips before the flags are set.
     beyond = BOARD.exceeds_range(scenario.requested_volts()).any(axis=1)
     clipped = float(np.mean(beyond | ((log.status & Status.CONVERTER_SATURATED) != 0)))
     inputs = settled_inputs(log.commanded, scenario)
     task = rpcm_outcome(log) if scenario.task == "rpcm" else None
-    warnings = [
-        f"{100 * clipped:.2g} % of the samples stand at an end of a converter's range, whatever the excitation asked "
-        "for; a smaller amplitude avoids it"
-        if clipped > 0
-        else None,
-        inputs.warning() if inputs else None,
-        MISSES_POINTS if any(excitation.misses_points for excitation in scenario.excitation) else None,
-        deadband_warning(scenario),
-        task.warning() if task else None,
-    ]
     return RunReview(
         clipped,
         velocity_limited_share(log),
         inputs,
         task,
         shutdown_intervals(log),
-        tuple(text for text in warnings if text),
+        tuple(_warnings(scenario, clipped, inputs, task)),
     )
+
+
+def _warnings(
+    scenario: Scenario, clipped: float, inputs: JointInputs | None, task: RpcmOutcome | None
+) -> Iterator[str]:
+    """Sentences for whoever uses the log of a scenario."""
+    if clipped > 0:
+        yield (
+            f"{100 * clipped:.2g} % of the samples stand at an end of a converter's range, whatever the excitation "
+            "asked for; a smaller amplitude avoids it"
+        )
+    if inputs and (independence := inputs.warning()):
+        yield independence
+    if any(excitation.misses_points for excitation in scenario.excitation):
+        yield MISSES_POINTS
+    if deadband := deadband_warning(scenario):
+        yield deadband
+    if task and (contact := task.warning()):
+        yield contact

@@ -112,22 +112,24 @@ class Scenario:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
 
     def _check(self) -> None:
-        for attribute, known in CHOICES.items():
-            if getattr(self, attribute) not in known:
-                raise ScenarioError(unknown(attribute, getattr(self, attribute), known))
-        known = axis_names(self.mode, self.variant)
+        for attribute, choices in CHOICES.items():
+            if getattr(self, attribute) not in choices:
+                raise ScenarioError(unknown(attribute, getattr(self, attribute), choices))
+        axes_of_mode = axis_names(self.mode, self.variant)
         for name in self.axes:
-            if name not in known:
-                raise ScenarioError(f"mode {self.mode}: {unknown('axis', name, known)}")
+            if name not in axes_of_mode:
+                raise ScenarioError(f"mode {self.mode}: {unknown('axis', name, axes_of_mode)}")
         if not self.axes or len(set(self.axes)) != len(self.axes):
             raise ScenarioError(f"expected one or more different entries in axes, given {self.axes}")
         if self.task:
             check_task(self.task, self, excited=bool(self.excitation))
+        # Subclasses that are driven by hand have an operator and neither task nor excitation.
         elif self.excitation or not self.has_own_operator:
             check_outputs(self.excitation, self.axes, self.independent_channels)
         if not SAMPLE_TIME <= self.duration <= LONGEST:
             raise ScenarioError(f"expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}")
         ticks = round(SAMPLE_RATE * self.duration)
+        # Called for their errors: a bad time is refused before any simulation.
         servo_power(self.shutdown, ticks)
         payload_exchanges(self, ticks)
         check_seed(self.seed)
@@ -147,13 +149,17 @@ class Scenario:
         """Voltages that the files request of the converter, before its range and rounding; otherwise as `volts`."""
         if not self.excitation:
             return np.zeros((round(SAMPLE_RATE * self.duration), len(self.axes)))
-        columns = [entry.requested_volts(self.duration) for entry in self.excitation]
-        return np.hstack(columns * len(self.axes) if len(columns) == 1 else columns)
+        columns = [signal.requested_volts(self.duration) for signal in self.excitation]
+        if len(columns) == 1:
+            columns = columns * len(self.axes)
+        return np.hstack(columns)
 
     def played(self) -> dict[str, Excitation]:
         """Return what each axis plays; nothing where an operator moves the stick."""
-        each = self.excitation * (len(self.axes) if len(self.excitation) == 1 else 1)
-        return dict(zip(self.axes, each, strict=False))
+        if len(self.excitation) == 1:
+            return dict.fromkeys(self.axes, self.excitation[0])
+        # Shorter than the axes only where there is none at all.
+        return dict(zip(self.axes, self.excitation, strict=False))
 
     def with_excitation(self, excitation: Excitation, axis: str | None = None) -> "Scenario":
         """Return the same experiment with another excitation on one axis or on every axis.
@@ -165,21 +171,28 @@ class Scenario:
         """
         if axis is not None and axis not in self.axes:
             raise ScenarioError(unknown("axis", axis, self.axes))
-        each = self.played()
-        entries = (excitation,) if axis is None or not each else tuple({**each, axis: excitation}.values())
-        return replace(self, excitation=entries, description="", tags=())
+        played = self.played()
+        if axis is None or not played:
+            changed: tuple[Excitation, ...] = (excitation,)
+        else:
+            changed = tuple({**played, axis: excitation}.values())
+        return replace(self, excitation=changed, description="", tags=())
 
     @property
     def amplitude(self) -> float | None:
         """The amplitude that all excitations share, V; None where there is none."""
-        values = {entry.parameters.get("amplitude") for entry in self.excitation}
-        (value,) = values if len(values) == 1 else (None,)
-        return float(value) if isinstance(value, int | float) else None
+        amplitudes = {signal.parameters.get("amplitude") for signal in self.excitation}
+        if len(amplitudes) != 1:
+            return None
+        (amplitude,) = amplitudes
+        return float(amplitude) if isinstance(amplitude, int | float) else None
 
     def with_amplitude(self, volts: float) -> "Scenario":
         """Return the same experiment with another amplitude of all its excitations."""
-        entries = (replace(entry, parameters={**entry.parameters, "amplitude": volts}) for entry in self.excitation)
-        return replace(self, excitation=tuple(entries))
+        amplified = []
+        for signal in self.excitation:
+            amplified.append(replace(signal, parameters={**signal.parameters, "amplitude": volts}))
+        return replace(self, excitation=tuple(amplified))
 
     def operator(self) -> Operator | None:
         """Return a new operator for the task, or None if the excitation computer moves the stick."""
@@ -189,7 +202,8 @@ class Scenario:
     def period(self) -> int:
         """Samples after which the command repeats but for noise: of all waveforms, as the hold samples them."""
         hold = self.hand_controller.hold if self.chain.hold else 1
-        return int(np.lcm.reduce([hold, *(round(SAMPLE_RATE * one.waveform().period) for one in self.excitation)]))
+        periods = [round(SAMPLE_RATE * signal.waveform().period) for signal in self.excitation]
+        return int(np.lcm.reduce([hold, *periods]))
 
     @property
     def has_own_operator(self) -> bool:
@@ -209,7 +223,8 @@ class Scenario:
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal scenario back."""
         table = codec.unstructure(self)
-        table |= {name: codec.changes(getattr(self, name), nominal) for name, nominal in NOMINAL.items()}
+        for name, nominal in NOMINAL.items():
+            table[name] = codec.changes(getattr(self, name), nominal)
         omitted = [name for name in (*NOMINAL, "excitation", "payload_changes") if not table[name]]
         return codec.to_toml({key: value for key, value in table.items() if key not in omitted})
 
@@ -231,10 +246,12 @@ class Scenario:
         """Build a scenario from parsed TOML; see `from_toml`."""
         values = dict(table)
         if "excitation" in values:
-            entries = values["excitation"]
-            entries = entries if isinstance(entries, list) else [entries]
-            values["excitation"] = tuple(Excitation.from_table(entry, folder) for entry in entries)
+            tables = values["excitation"]
+            if not isinstance(tables, list):
+                tables = [tables]  # one excitation for all axes may be a plain table
+            values["excitation"] = tuple(Excitation.from_table(excitation, folder) for excitation in tables)
         elif values.get("task"):
+            # An operator needs no excitation; without a task its absence is an error.
             values["excitation"] = ()
         return codec.structure(cls, values)
 
@@ -244,7 +261,7 @@ class Scenario:
         if Path(path).exists() and not Path(path).is_file():  # reading a pipe may never end
             raise ScenarioError(f"cannot read scenario file {str(path)!r}: it is no ordinary file")
         try:
-            text = Path(path).read_text(encoding="utf-8")
+            toml = Path(path).read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             raise ScenarioError(f"cannot read scenario file {str(path)!r}: {error}") from error
-        return cls.from_toml(text, source=str(path), folder=Path(path).parent)
+        return cls.from_toml(toml, source=str(path), folder=Path(path).parent)

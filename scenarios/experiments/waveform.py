@@ -93,10 +93,10 @@ class Waveform:
             raise ScenarioError(f"duration must be {SAMPLE_TIME} s (one sample) to {LONGEST:g} s, given {duration} s")
         count = round(SAMPLE_RATE * duration)
         # The small shift keeps k * update_rate / SAMPLE_RATE from rounding down onto the point before.
-        passed = np.floor(np.arange(count) * (self.update_rate / SAMPLE_RATE) + 1e-9).astype(np.int64)
-        volts = self.points[passed % POINTS]
+        points_passed = np.floor(np.arange(count) * (self.update_rate / SAMPLE_RATE) + 1e-9).astype(np.int64)
+        volts = self.points[points_passed % POINTS]
         if iterations is not None:
-            volts[passed >= iterations * POINTS] = 0.0
+            volts[points_passed >= iterations * POINTS] = 0.0
         return volts[:, None]
 
     def order_of_excitation(self) -> int:
@@ -108,8 +108,8 @@ class Waveform:
         power = np.abs(np.fft.fft(self.points)) ** 2
         # A sine sampled at its zeros has order 0: the floor is the rounding of the parts that cancel.
         amplitude = self.parameters.get("amplitude", 0.0)
-        cancelled = POINTS * amplitude if isinstance(amplitude, float | int) else 0.0
-        floor = max(1e-12 * float(power.max()), 1e-20 * cancelled**2)
+        largest_line = POINTS * amplitude if isinstance(amplitude, float | int) else 0.0
+        floor = max(1e-12 * float(power.max()), 1e-20 * largest_line**2)
         return int(np.count_nonzero(power > floor))
 
     def psd(self) -> PowerSpectrum:
@@ -126,6 +126,7 @@ def check_seed(seed: int) -> None:
     Raises:
         ScenarioError: The seed is negative or above 2^63 - 1.
     """
+    # NetCDF and TOML hold whole numbers of 64 bits with a sign.
     if not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
         raise ScenarioError(f"a seed is a whole number from 0 to 2^63 - 1, given {seed}")
 
@@ -172,7 +173,9 @@ def read_points(path: str | Path) -> tuple[float, ...]:
     try:
         content = path.read_bytes()
     except (OSError, ValueError) as error:
-        raise _unreadable(str(path), error.strerror if isinstance(error, OSError) else NO_TEXT) from error
+        # A ValueError is raised for a path that contains a null character.
+        reason = error.strerror if isinstance(error, OSError) else NO_TEXT
+        raise _unreadable(str(path), reason) from error
     return parse_points(content, str(path))
 
 
@@ -188,7 +191,7 @@ def parse_points(content: bytes, source: str) -> tuple[float, ...]:
     except UnicodeDecodeError as error:
         raise _unreadable(source, NO_TEXT) from error
     values: list[float] = []
-    for number, line in enumerate(lines, start=1):
+    for line_number, line in enumerate(lines, start=1):
         for word in line.partition("#")[0].replace(",", " ").split():
             try:
                 values.append(float(word))
@@ -196,7 +199,7 @@ def parse_points(content: bytes, source: str) -> tuple[float, ...]:
                 values.append(nan)
             if not isfinite(values[-1]):
                 raise ScenarioError(
-                    f"waveform file {source!r}, line {number}: expected a finite number in V, given {word!r}"
+                    f"waveform file {source!r}, line {line_number}: expected a finite number in V, given {word!r}"
                 )
     try:
         return tuple(points(points=tuple(values)).points.tolist())

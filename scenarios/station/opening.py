@@ -6,9 +6,9 @@ All of it runs in the child process of the page: foreign files may hang or crash
 from pathlib import Path
 
 from scenarios.bench.result_table import open_result
-from scenarios.datasets.opened import opened_data_set
 from scenarios.datasets.plan import INDEX, UNFINISHED
-from scenarios.experiments.opened import Opened, open_bus_record, open_log, open_scenario
+from scenarios.datasets.presentation import present_data_set
+from scenarios.experiments.presentation import Presentation, present_bus_record, present_log, present_scenario
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import log_of
 from scenarios.files.errors import ScenarioError
@@ -23,7 +23,7 @@ OPENED = (*ENDINGS.values(), ".c10", ".toml", ".json")
 """Endings of files that can be opened."""
 
 
-def open_place(place: str, part: str = "") -> Opened:
+def open_place(place: str, part: str = "") -> Presentation:
     """Open a file, a folder or a registered scenario.
 
     Args:
@@ -41,18 +41,18 @@ def open_place(place: str, part: str = "") -> Opened:
     if path.exists() and not path.is_dir() and not (path.is_file() and path.stat().st_size <= LARGEST):
         raise ScenarioError(f"{path}: expected a file of at most {LARGEST // 2**20} MiB")
     if not path.exists() or path.suffix == ".toml":
-        return open_scenario(load(place), place)
+        return present_scenario(load(place), place)
     if (path / INDEX).is_file() or path.name.endswith(UNFINISHED):
-        return opened_data_set(path, part)
+        return present_data_set(path, part)
     if path.name == RESULTS or (path / RESULTS).is_file():
         folder = path if path.is_dir() else path.parent
         return open_study(folder, part)
     if path.is_file() and path.suffix == ".json":
         return open_result(path)
     if path.is_file() and (log := log_of(path)) is not None:
-        return open_log(log, str(path))
+        return present_log(log, str(path))
     if path.is_file() and (path.suffix == ".nc" or is_record(path)):
-        return open_bus_record(path, part)
+        return present_bus_record(path, part)
     raise ScenarioError(
         f"{path}: expected a log or a record of the arm, a result of hmtb verify or a scenario ({', '.join(OPENED)}) "
         "or the folder of a data set or a study; tables from elsewhere are for the tab Identify"

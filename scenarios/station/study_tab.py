@@ -10,7 +10,7 @@ from hmtb_twin import JOINTS, JointLog
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.live_run import Frame, frame_of
 from hmtb_twin.run.playback import pictured_arm
-from scenarios.experiments.opened import Opened, moved_joints, open_log
+from scenarios.experiments.presentation import Presentation, moved_joints, present_log
 from scenarios.experiments.preview_figure import COLOURS, RED
 from scenarios.experiments.recipe import Recipe
 from scenarios.report.html_pieces import listing, table
@@ -96,7 +96,7 @@ class StudyTab:
             self._joint = gui.add_dropdown("joint", JOINTS)
             self._plots = [LogPlot(gui, names) for names in (("command", "measured"), ("x", "y", "z"), ("load",))]
             self._loop = gui.add_checkbox("again and again", False)
-        self._opened: Opened | None = None
+        self._opened: Presentation | None = None
         self._recipe = RecipeView(client, self._opened_recipe)
         self._put, self._drawn, self._tick = 0.0, 0.0, 0
         for handle, action in (
@@ -136,7 +136,7 @@ class StudyTab:
     def _choose(self) -> None:
         choice = self._menu.value
         if choice.startswith(RECORD):
-            self._compute(choice, open_log, self._station.session.records[choice.removeprefix(RECORD)])
+            self._compute(choice, present_log, self._station.session.records[choice.removeprefix(RECORD)])
         elif choice != CHOOSE:
             self._place.value = str(self._station.session.folder / choice)
             self._open(self._place.value)
@@ -149,7 +149,7 @@ class StudyTab:
         self._compute(f"opening {part or Path(place).name}", open_place, place, part)
 
     def _compute(self, label: str, function: Any, *arguments: object) -> None:
-        def done(opened: Opened) -> None:
+        def done(opened: Presentation) -> None:
             self._station.session.memory[self.title] = opened
             self._station.session.tell()
             self._end("")
@@ -168,7 +168,7 @@ class StudyTab:
         self._message.say(message)
         self._stop.visible = False
 
-    def _show(self, opened: Opened) -> None:
+    def _show(self, opened: Presentation) -> None:
         """Show what was opened; its log joins the records of the session."""
         self._pause()
         tables = ""

@@ -19,7 +19,7 @@ from scenarios.bench.result import Result
 from scenarios.commands.cli import main
 from scenarios.commands.verify_output import show
 from scenarios.estimators.estimator import Estimator, Limits
-from scenarios.experiments.opened import open_log
+from scenarios.experiments.presentation import present_log
 from scenarios.experiments.registry import load
 from scenarios.files.record_file import write_record
 from scenarios.station.opening import open_place
@@ -310,15 +310,15 @@ def test_what_cannot_be_opened_is_said_beneath_the_field(tab, made, log, tmp_pat
     assert tab._opened.log is not None
     channels = ("commanded", "measured", "true_angles", "wrench", "load_pressure", "volts", "counts", "status")
     stopped = replace(log, **{name: getattr(log, name)[:100] for name in channels})
-    assert "2 s of 6 s were recorded" in open_log(stopped).lines
-    named = open_log(replace(log, name="a\udc80b\n"))
+    assert "2 s of 6 s were recorded" in present_log(stopped).lines
+    named = present_log(replace(log, name="a\udc80b\n"))
     assert named.log.name == "a\N{REPLACEMENT CHARACTER}b"
     holes = np.array(log.true_angles)
     holes[5, 2] = math.nan
-    refused("true_angles are no numbers", open_log, replace(log, true_angles=holes))
-    refused("expected some every 0.02 s", open_log, replace(log, dt=0.01))
-    refused("variant", open_log, replace(log, provenance={"variant": "marsian"}))
-    assert open_log(replace(log, provenance={})).tables[0][2][0][2] == "", "clipping is unknown without the scenario"
+    refused("true_angles are no numbers", present_log, replace(log, true_angles=holes))
+    refused("expected some every 0.02 s", present_log, replace(log, dt=0.01))
+    refused("variant", present_log, replace(log, provenance={"variant": "marsian"}))
+    assert present_log(replace(log, provenance={})).tables[0][2][0][2] == "", "clipping is unknown without the scenario"
 
 
 def _until(path):
