@@ -31,17 +31,18 @@ def install_equations() -> tuple[Any, Any]:
     """
     with _compiling:
         rates, bias, clock = _compiled()
-    places = (
+    callbacks = (
         ("mjcb_act_dyn", mujoco.get_mjcb_act_dyn(), mujoco.set_mjcb_act_dyn, rates.ctypes),
         ("mjcb_act_bias", mujoco.get_mjcb_act_bias(), mujoco.set_mjcb_act_bias, bias.ctypes),
     )
-    for name, present, _, ours in places:
+    for name, present, _, ours in callbacks:
         if present is not None and present is not ours:
             raise TwinError(
                 f"another callback is installed as MuJoCo's {name}; the arm's drives need it, and MuJoCo has one per "
                 "process: remove it, or run the arm in a process of its own"
             )
-    for _, present, install, ours in places:
+    # Only after both have been checked: one callback without the other would give wrong physics without a warning.
+    for _, present, install, ours in callbacks:
         if present is None:
             install(ours)
     if mujoco.get_mjcb_time() is None:

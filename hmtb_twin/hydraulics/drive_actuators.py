@@ -51,21 +51,25 @@ def add_linear_drives(
     Raises:
         TwinError: MuJoCo's structures are not recognised.
     """
-    rows = {name: linear_parameters(drive, gains[name], joints=len(drives)) for name, drive in drives.items()}
+    rows = {}
+    for name, drive in drives.items():
+        rows[name] = linear_parameters(drive, gains[name], joints=len(drives))
     inertias = _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
-    steps = SAMPLE_TIME / spec.option.timestep
-    # Steps end where a tick ends.
-    least = [round(steps)]
+    model_steps = SAMPLE_TIME / spec.option.timestep
+    # Steps end where a tick ends: the joint that needs most steps per tick decides.
+    steps_per_tick = [round(model_steps)]
     for name, inertia in inertias.items():
         if spec.joint(name).stiffness[0]:
             # A pin holds the joint.
             continue
         motor = drives[name].motor
         modes = np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, motor, gains[name]))
-        least.append(ceil(SAMPLE_TIME * float(np.abs(modes).max()) / LONGEST_STEP))
+        # Stability: the fastest mode of servo, oil and joint bounds the step.
+        steps_per_tick.append(ceil(SAMPLE_TIME * float(np.abs(modes).max()) / LONGEST_STEP))
         if refine:
-            least.append(ceil(steps * motor.constant / sqrt(motor.inductance * inertia) / FASTEST_OIL))
-    spec.option.timestep = SAMPLE_TIME / max(least)
+            # Accuracy: K / sqrt(L J) is the resonance of the oil (or inductance) with the inertia.
+            steps_per_tick.append(ceil(model_steps * motor.constant / sqrt(motor.inductance * inertia) / FASTEST_OIL))
+    spec.option.timestep = SAMPLE_TIME / max(steps_per_tick)
 
 
 def add_orifice_actuators(
@@ -88,11 +92,9 @@ def add_orifice_actuators(
     Raises:
         TwinError: MuJoCo's structures are not recognised.
     """
-    count = len(actuators)
-    rows = {
-        name: valve_parameters(actuator, gains[name], valve, power_unit, joints=count)
-        for name, actuator in actuators.items()
-    }
+    rows = {}
+    for name, actuator in actuators.items():
+        rows[name] = valve_parameters(actuator, gains[name], valve, power_unit, joints=len(actuators))
     spec.option.timestep = ORIFICE_STEP
     _add_drives(spec, rows, eq.VALVE_MARK, eq.STATES, shared=1)
 
@@ -106,34 +108,42 @@ def _add_drives(
     for actuator in list(spec.actuators):
         spec.delete(actuator)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
-    inertias = {name: float(1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]]) for name in rows}
-    for j, (name, parameters) in enumerate(rows.items()):
-        inertia = inertias[name]
-        for place, largest in (
-            (eq.BRISTLE, 2.0 * FASTEST_BRISTLES**2 * inertia),
-            (eq.BRISTLE_DAMPING, 0.5 * FASTEST_BRISTLES * inertia),
-        ):
-            parameters[place] = min(parameters[place], largest)
-        spec.add_actuator(
-            name=name,
-            target=name,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            dyntype=mujoco.mjtDyn.mjDYN_USER,
-            dynprm=[mark] + 9 * [0.0],
-            actdim=states + (shared if j == 0 else 0),
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            gainprm=[parameters[eq.DISPLACEMENT]] + 9 * [0.0],
-            biastype=mujoco.mjtBias.mjBIAS_USER,
-            userdata=parameters,
-        )
-        spec.add_actuator(
-            name=f"{name}_feedforward",
-            target=name,
-            trntype=mujoco.mjtTrn.mjTRN_JOINT,
-            gaintype=mujoco.mjtGain.mjGAIN_FIXED,
-            gainprm=10 * [0.0],
-        )
+    inertias = {}
+    # The states that all drives share, the supply pressure, stand before those of the first.
+    activations = states + shared
+    for name, parameters in rows.items():
+        inertia = float(1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]])
+        parameters[eq.BRISTLE] = min(parameters[eq.BRISTLE], 2.0 * FASTEST_BRISTLES**2 * inertia)
+        parameters[eq.BRISTLE_DAMPING] = min(parameters[eq.BRISTLE_DAMPING], 0.5 * FASTEST_BRISTLES * inertia)
+        _add_drive(spec, name, parameters, mark, activations)
+        inertias[name] = inertia
+        activations = states
     return inertias
+
+
+def _add_drive(spec: mujoco.MjSpec, joint: str, parameters: np.ndarray, mark: float, activations: int) -> None:
+    """Add the actuator of a joint's drive and the one that carries its feedforward torque."""
+    spec.add_actuator(
+        name=joint,
+        target=joint,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        dyntype=mujoco.mjtDyn.mjDYN_USER,
+        dynprm=[mark] + 9 * [0.0],
+        actdim=activations,
+        # The last activation is the load pressure: displacement times pressure is the torque.
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        gainprm=[parameters[eq.DISPLACEMENT]] + 9 * [0.0],
+        biastype=mujoco.mjtBias.mjBIAS_USER,
+        userdata=parameters,
+    )
+    # An actuator has a single control; this one, without force, only lends its control to the drive's equations.
+    spec.add_actuator(
+        name=f"{joint}_feedforward",
+        target=joint,
+        trntype=mujoco.mjtTrn.mjTRN_JOINT,
+        gaintype=mujoco.mjtGain.mjGAIN_FIXED,
+        gainprm=10 * [0.0],
+    )
 
 
 def linear_parameters(drive: Drive, gains: ServoGains, *, joints: int = 1) -> np.ndarray:
@@ -148,6 +158,7 @@ def linear_parameters(drive: Drive, gains: ServoGains, *, joints: int = 1) -> np
         Parameters (PARAMETERS,), in MPa, cm^3 and s; in A, V and s of an electric drive.
     """
     p, motor = _common_parameters(drive, gains, joints), drive.motor
+    # The load pressure is the difference of two chambers: it feels half of one chamber's compliance.
     p[eq.SLOPE], p[eq.CHAMBER] = motor.resistance, 2.0 * motor.inductance
     p[eq.FEED] = motor.resistance if gains.feed is None else gains.feed
     p[eq.LARGEST], p[eq.LIMIT] = motor.largest_input, motor.maximum_torque / motor.constant
@@ -198,9 +209,11 @@ def valve_parameters(
         p[eq.WASHOUT], p[eq.COMPENSATED] = valve.washout_time, valve.compensated
     else:
         # Near null the lands hardly damp: pressure feedback takes the part of the linear drive's load-flow line.
-        most = valve.loop_gain * actuator.compliance
-        p[eq.PRESSURE_GAIN] = min(gains.feed, most)
-        p[eq.DYNAMIC_GAIN], p[eq.WASHOUT] = min(gains.dynamic, most - p[eq.PRESSURE_GAIN]), gains.washout
+        largest_gain = valve.loop_gain * actuator.compliance
+        p[eq.PRESSURE_GAIN] = min(gains.feed, largest_gain)
+        # Static and dynamic feedback close one loop through the valve, whose bandwidth bounds their sum.
+        p[eq.DYNAMIC_GAIN] = min(gains.dynamic, largest_gain - p[eq.PRESSURE_GAIN])
+        p[eq.WASHOUT] = gains.washout
     p[eq.OPEN] = actuator.valve_open
     p[eq.RETURN], p[eq.RELIEF] = oil.return_pressure, valve.relief * oil.supply_pressure
     p[eq.CHECK] = valve.check_flow * rated_flow
@@ -214,6 +227,7 @@ def _common_parameters(drive: Drive, gains: ServoGains, joints: int) -> np.ndarr
     p = np.zeros(eq.PARAMETERS)
     p[eq.COUNT], p[eq.DISPLACEMENT] = joints, drive.motor.constant
     p[eq.STIFFNESS], p[eq.DAMPER] = gains.kp, gains.kd
+    # Without friction the velocities only keep their quotients finite.
     p[eq.STRIBECK], p[eq.SLIP], p[eq.BRISTLE_RATE] = 1.0, 1.0, FASTEST_BRISTLES
     if friction is not None and coulomb > 0.0:
         p[eq.COULOMB], p[eq.STATIC] = coulomb, friction.static_ratio * coulomb
@@ -224,4 +238,5 @@ def _common_parameters(drive: Drive, gains: ServoGains, joints: int) -> np.ndarr
 
 def drive_parameters(model: mujoco.MjModel) -> np.ndarray:
     """Return the parameters of every drive of a model (n, PARAMETERS)."""
+    # Every second actuator is a feedforward, without parameters.
     return np.array(model.actuator_user[0::2, : eq.PARAMETERS])

@@ -28,7 +28,10 @@ def newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> n
     for _ in range(50):
         if np.abs(value).max() < 1e-12:
             break
-        columns = [(function(point + e) - function(point - e)) / 2e-6 for e in 1e-6 * np.eye(len(point))]
+        columns = []
+        # For values of order one both errors of this difference stay small: 1e-12 by truncation, 1e-10 by rounding.
+        for shift in 1e-6 * np.eye(len(point)):
+            columns.append((function(point + shift) - function(point - shift)) / 2e-6)
         step = np.linalg.solve(np.column_stack(columns), -value)
         for _ in range(20):
             trial = function(point + step)
@@ -36,6 +39,7 @@ def newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> n
                 break
             step = 0.5 * step
         else:
+            # No step of this direction reduces the norm: the root is as good as rounding allows, or there is none.
             break
         point, value = point + step, trial
     return point

@@ -1,10 +1,12 @@
-"""Offsets of arrays inside MuJoCo's structures, which differ between versions and are therefore searched in memory."""
+"""Offsets of arrays inside MuJoCo's structures, from the declarations of their fields that the package carries."""
 
 import ctypes
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import mujoco
+from mujoco.introspect.ast_nodes import AnonymousStructDecl, ArrayType, PointerType, StructDecl, StructFieldDecl
+from mujoco.introspect.structs import STRUCTS
 
 from hmtb_twin.files.errors import TwinError
 
@@ -14,88 +16,114 @@ MODEL_ARRAYS = ("actuator_dynprm", "actuator_user")
 DATA_ARRAYS = ("act", "act_dot", "ctrl", "actuator_length", "actuator_velocity")
 """Arrays of `mjData` that the drives' equations read and write."""
 
-LARGEST_STRUCT = 1 << 20
-"""Bytes after which the search for a pointer stops."""
+_SCALARS: Mapping[str, Any] = {
+    "int": ctypes.c_int,
+    "float": ctypes.c_float,
+    "size_t": ctypes.c_size_t,
+    "uint64_t": ctypes.c_uint64,
+    "uintptr_t": ctypes.c_size_t,
+    "mjtBool": ctypes.c_bool,
+    "mjtByte": ctypes.c_ubyte,
+    "mjtNum": ctypes.c_double,
+    "mjtSize": ctypes.c_int64,
+}
+"""C types of single numbers; `ctypes` adds the padding of the platform's compiler between them."""
 
-_WORD = ctypes.sizeof(ctypes.c_void_p)
-
+# Each array of the probe has elements of its own: arrays without any share the address of the array behind them.
 _PROBE = """
 <mujoco>
-  <worldbody>{bodies}</worldbody>
-  <actuator>{actuators}</actuator>
+  <worldbody><body><joint name="joint"/><geom size="0.1"/></body></worldbody>
+  <actuator><general joint="joint" dyntype="user" actdim="3" user="1 2 3 4"/><general joint="joint"/></actuator>
 </mujoco>
 """
 
+_REMEDY = "the arm's drives cannot run on it: use another version"
+
 
 def struct_offsets() -> Mapping[str, int]:
-    """Find the byte offset of each array's pointer inside `mjModel` and `mjData`.
+    """Return the byte offset of each array's pointer inside `mjModel` and `mjData`.
 
-    Each structure of a small model is searched, word by word, for the address of the array that the Python bindings
-    show. A second model of other sizes must have the same pointers in the same places.
+    The offsets follow from the order and types of the fields, which differ between versions of MuJoCo. On a small model
+    each pointer is compared with the address that the Python bindings show: declarations that do not belong to the
+    library would otherwise let the drives write into foreign memory.
 
     Returns:
         Byte offset by array name, for `MODEL_ARRAYS` and `DATA_ARRAYS`.
 
     Raises:
-        TwinError: A pointer is not found, is found in two places, or moves between models.
+        TwinError: A field is not declared or of unknown type, or a pointer is not where its declaration puts it.
     """
-    small, large = _offsets(joints=2), _offsets(joints=5)
-    different = sorted(name for name in small if small[name] != large[name])
-    if different:
-        raise TwinError(f"{_mujoco()} keeps {', '.join(different)} at places that differ between models; {_REMEDY}")
-    return small
-
-
-def _offsets(joints: int) -> dict[str, int]:
-    bodies = "".join(f'<body><joint name="j{k}"/><geom size="0.1"/></body>' for k in range(joints))
-    actuators = "".join(
-        f'<general joint="j{k}" dyntype="user" actdim="3" user="1 2 3 4"/><general joint="j{k}"/>'
-        for k in range(joints)
-    )
-    model = mujoco.MjModel.from_xml_string(_PROBE.format(bodies=bodies, actuators=actuators))
+    model = mujoco.MjModel.from_xml_string(_PROBE)
     data = mujoco.MjData(model)
-    return {**pointer_offsets(model, MODEL_ARRAYS), **pointer_offsets(data, DATA_ARRAYS)}
+    offsets = {**declared_offsets("mjModel", MODEL_ARRAYS), **declared_offsets("mjData", DATA_ARRAYS)}
+    check_pointers(model, {name: offsets[name] for name in MODEL_ARRAYS})
+    check_pointers(data, {name: offsets[name] for name in DATA_ARRAYS})
+    return offsets
 
 
-def pointer_offsets(struct: Any, names: tuple[str, ...], read: Callable[[int], int] | None = None) -> dict[str, int]:
-    """Find the byte offsets of array pointers inside one MuJoCo structure.
+def declared_offsets(struct: str, arrays: tuple[str, ...]) -> dict[str, int]:
+    """Return the byte offsets of fields of one MuJoCo structure by its declaration.
+
+    Args:
+        struct: Name of the structure.
+        arrays: Names of fields.
+
+    Raises:
+        TwinError: The structure or a field is not declared, or a type is unknown.
+    """
+    try:
+        layout = _layout(STRUCTS[struct])
+        return {name: getattr(layout, name).offset for name in arrays}
+    except (KeyError, AttributeError) as error:
+        raise TwinError(f"{_mujoco()} declares its {struct} in an unknown way ({error}); {_REMEDY}") from error
+
+
+def _layout(struct: StructDecl | AnonymousStructDecl) -> type[ctypes.Structure]:
+    """Return a structure as `ctypes` lays it out; raises `KeyError` for a type that nobody declares."""
+    fields = []
+    for field in struct.fields:
+        # Unions have no place here: neither structure contains any, and a future one is reported as unknown.
+        if not isinstance(field, StructFieldDecl):
+            raise KeyError(f"{type(field).__name__} in {struct}")
+        fields.append((field.name, _c_type(field.type)))
+    return type("Layout", (ctypes.Structure,), {"_fields_": fields})
+
+
+def _c_type(declared: Any) -> Any:
+    """Return the `ctypes` type of a declared one; raises `KeyError` if it is unknown."""
+    if isinstance(declared, PointerType):
+        return ctypes.c_void_p
+    if isinstance(declared, ArrayType):
+        array = _c_type(declared.inner_type)
+        for extent in reversed(declared.extents):
+            array = array * extent
+        return array
+    if isinstance(declared, AnonymousStructDecl):
+        return _layout(declared)
+    if declared.name in _SCALARS:
+        return _SCALARS[declared.name]
+    return _layout(STRUCTS[declared.name])
+
+
+def check_pointers(struct: Any, offsets: Mapping[str, int]) -> None:
+    """Check that the arrays of a structure are where their offsets say.
 
     Args:
         struct: An `MjModel` or `MjData`.
-        names: Arrays to find; each must have elements.
-        read: Reads the word at an address; memory itself by default.
-
-    Returns:
-        Byte offset by array name.
+        offsets: Byte offset by array name; each array must have elements.
 
     Raises:
-        TwinError: A pointer is not found, or is found in two places.
+        TwinError: A pointer is not that of its array.
     """
     base = getattr(struct, "_address", None)
     if not isinstance(base, int):
         raise TwinError(f"{_mujoco()} does not expose the address of its {type(struct).__name__}; {_REMEDY}")
-    read = read or (lambda address: ctypes.c_size_t.from_address(address).value)
-    addresses = {name: int(getattr(struct, name).ctypes.data) for name in names}
-    offsets: dict[int, list[int]] = {address: [] for address in addresses.values()}
-    # The search ends behind the last pointer found, so that it stays within the structure.
-    for offset in range(0, LARGEST_STRUCT, _WORD):
-        word = read(base + offset)
-        if word in offsets:
-            offsets[word].append(offset)
-        elif all(offsets.values()):
-            break
-    for name, address in addresses.items():
-        places = offsets[address]
-        # Arrays without elements have the address of the one that follows them in memory and in the structure.
-        if not places or places[-1] - places[0] != _WORD * (len(places) - 1):
+    for name, offset in offsets.items():
+        pointer = ctypes.c_void_p.from_address(base + offset).value
+        if pointer != getattr(struct, name).ctypes.data:
             raise TwinError(
-                f"{_mujoco()} has {len(places)} pointers to {name} in its {type(struct).__name__}, expected one; "
-                f"{_REMEDY}"
+                f"{_mujoco()} does not keep {name} in its {type(struct).__name__} where it declares it; {_REMEDY}"
             )
-    return {name: offsets[address][-1] for name, address in addresses.items()}
-
-
-_REMEDY = "the arm's drives cannot run on it: use another version"
 
 
 def _mujoco() -> str:

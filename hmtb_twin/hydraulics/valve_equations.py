@@ -77,12 +77,14 @@ LINEAR_BRISTLES, LINEAR_FILTERED, LINEAR_LOAD = range(LINEAR_STATES)
 @register_jitable
 def opening(uncovered: float, clearance: float) -> float:
     """Opening of a land, part of full stroke, smooth from covered to open [Eryilmaz2000]."""
+    # At the edge half the clearance is open: the lands leak at null.
     return 0.5 * (uncovered + sqrt(uncovered * uncovered + clearance * clearance))
 
 
 @register_jitable
 def root(drop: float, transition: float) -> float:
     """Signed square root of a pressure drop in MPa, proportional to it well below the transition pressure."""
+    # The plain root has an infinite slope at zero, where neither the integrator nor Newton's method could go on.
     return drop / sqrt(sqrt(drop * drop + transition * transition))
 
 
@@ -92,12 +94,11 @@ def land_flows(p: np.ndarray, spool: float, supply: float, a: float, b: float) -
     stroke = min(max(spool, -1.0), 1.0)
     forward = p[OPEN] * p[LAND] * opening(stroke + p[UNDERLAP], p[CLEARANCE])
     backward = p[OPEN] * p[LAND] * opening(-stroke + p[UNDERLAP], p[CLEARANCE])
-    return (
-        forward * root(supply - a, p[TRANSITION]),
-        backward * root(a - p[RETURN], p[TRANSITION]),
-        backward * root(supply - b, p[TRANSITION]),
-        forward * root(b - p[RETURN], p[TRANSITION]),
-    )
+    supply_a = forward * root(supply - a, p[TRANSITION])
+    a_return = backward * root(a - p[RETURN], p[TRANSITION])
+    supply_b = backward * root(supply - b, p[TRANSITION])
+    b_return = forward * root(b - p[RETURN], p[TRANSITION])
+    return supply_a, a_return, supply_b, b_return
 
 
 @register_jitable
@@ -138,6 +139,7 @@ def bristle_rate(p: np.ndarray, bristles: float, velocity: float) -> float:
     """
     if p[BRISTLE] == 0.0:
         return -p[BRISTLE_RATE] * bristles
+    # Stribeck's curve: static friction at rest falls to Coulomb friction.
     level = p[COULOMB] + (p[STATIC] - p[COULOMB]) * exp(-((velocity / p[STRIBECK]) ** 2))
     # |w| with a smooth reversal, which an integrator of fourth order needs.
     speed = velocity * velocity / sqrt(velocity * velocity + p[SLIP] * p[SLIP])
@@ -186,12 +188,14 @@ def joint_rates(
     """
     x, v, mean, load = state[SPOOL], state[SPOOL_VELOCITY], state[MEAN], state[LOAD]
     command = spool_command(p, servo_flow(p, p[LEAKAGE], position, feedforward, load, state[FILTERED], velocity))
+    # At its stop the spool rests until its velocity, which goes on as a state, points back.
     stopped = (x >= 1.0 and v > 0.0) or (x <= -1.0 and v < 0.0)
     a, b = mean + 0.5 * load, mean - 0.5 * load
     supply_a, a_return, supply_b, b_return = land_flows(p, x, supply, a, b)
-    moved = p[DISPLACEMENT] * velocity + p[LEAKAGE] * load
-    rate_a = (supply_a - a_return + check_flow(p, a) - moved) / p[CHAMBER]
-    rate_b = (supply_b - b_return + check_flow(p, b) + moved) / p[CHAMBER]
+    # Continuity of both chambers [Merritt1967]: the piston's flow and the leakage pass from A to B.
+    crossing = p[DISPLACEMENT] * velocity + p[LEAKAGE] * load
+    rate_a = (supply_a - a_return + check_flow(p, a) - crossing) / p[CHAMBER]
+    rate_b = (supply_b - b_return + check_flow(p, b) + crossing) / p[CHAMBER]
     rates[SPOOL] = 0.0 if stopped else v
     rates[SPOOL_VELOCITY] = p[FREQUENCY] * (p[FREQUENCY] * (command - x) - 2.0 * p[DAMPING] * v)
     rates[BRISTLES] = bristle_rate(p, state[BRISTLES], velocity)
@@ -267,10 +271,17 @@ def arm_rates(
     rates = np.empty(1 + len(parameters) * STATES)
     rates[0] = supply_rate(parameters[0], act[0], drawn_flow(parameters, act))
     for j, p in enumerate(parameters):
-        own = slice(1 + j * STATES, 1 + (j + 1) * STATES)
+        states = slice(1 + j * STATES, 1 + (j + 1) * STATES)
         position = position_torque(p, control[2 * j], angle[j], velocity[j])
-        joint_rates(p, act[own], act[0], position, control[2 * j + 1], velocity[j], rates[own])
+        joint_rates(p, act[states], act[0], position, control[2 * j + 1], velocity[j], rates[states])
     return rates
+
+
+_STRUCT = types.CPointer(types.CPointer(types.float64))
+"""A structure of MuJoCo, of which the equations see only the pointers to arrays of numbers."""
+
+_SIGNATURE = types.float64(_STRUCT, _STRUCT, types.int32)
+"""MuJoCo's callbacks of an actuator: model, data, its index."""
 
 
 def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tuple[Any, Any, Any]:
@@ -294,45 +305,46 @@ def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tu
     dynprm, user = offsets["actuator_dynprm"] // 8, offsets["actuator_user"] // 8
     act, act_dot, ctrl = offsets["act"] // 8, offsets["act_dot"] // 8, offsets["ctrl"] // 8
     length, velocity = offsets["actuator_length"] // 8, offsets["actuator_velocity"] // 8
-    struct = types.CPointer(types.CPointer(types.float64))
-    signature = types.float64(struct, struct, types.int32)
 
     # Numba keys its cache on this file and on the variables closed over, the offsets among them.
     # A division by zero gives infinity, as in C, and spares a check of every divisor.
-    @cfunc(signature, cache=cached, error_model="numpy")
+    @cfunc(_SIGNATURE, cache=cached, error_model="numpy")
     def rates(model, data, drive):  # type: ignore[no-untyped-def]
         mark = model[dynprm][10 * drive]
         if mark != LINEAR_MARK and mark != VALVE_MARK:
             return 0.0
         n, j, speed = int(model[user][COUNT]), drive // 2, data[velocity][drive]
+        # Each drive's row is followed by that of its feedforward, which holds no parameters.
         parameters = carray(model[user], (n, 2, PARAMETERS))[:, 0, :]
         p = parameters[j]
         position = position_torque(p, data[ctrl][drive], data[length][drive], speed)
         forward = data[ctrl][drive + 1]
         if mark == LINEAR_MARK:
-            own = slice(j * LINEAR_STATES, (j + 1) * LINEAR_STATES)
+            columns = slice(j * LINEAR_STATES, (j + 1) * LINEAR_STATES)
             states, slopes = carray(data[act], (n * LINEAR_STATES,)), carray(data[act_dot], (n * LINEAR_STATES,))
-            linear_rates(p, states[own], position, forward, speed, slopes[own])
+            linear_rates(p, states[columns], position, forward, speed, slopes[columns])
             return 0.0
-        own = slice(1 + j * STATES, 1 + (j + 1) * STATES)
+        columns = slice(1 + j * STATES, 1 + (j + 1) * STATES)
         states, slopes = carray(data[act], (1 + n * STATES,)), carray(data[act_dot], (1 + n * STATES,))
-        joint_rates(p, states[own], states[0], position, forward, speed, slopes[own])
+        joint_rates(p, states[columns], states[0], position, forward, speed, slopes[columns])
+        # MuJoCo calls each drive by itself: the first one also answers for the supply that all share.
         if j == 0:
             slopes[0] = supply_rate(p, states[0], drawn_flow(parameters, states))
         return 0.0
 
-    @cfunc(signature, cache=cached, error_model="numpy")
+    @cfunc(_SIGNATURE, cache=cached, error_model="numpy")
     def bias(model, data, drive):  # type: ignore[no-untyped-def]
         mark = model[dynprm][10 * drive]
         if mark != LINEAR_MARK and mark != VALVE_MARK:
             return 0.0
-        n, j, place, lost = int(model[user][COUNT]), drive // 2, 1 + drive // 2 * STATES + BRISTLES, 0.0
+        n, j = int(model[user][COUNT]), drive // 2
         p = carray(model[user], (n, 2, PARAMETERS))[j, 0]
+        bristles, excess = 1 + j * STATES + BRISTLES, 0.0
         if mark == LINEAR_MARK:
             first = j * LINEAR_STATES
-            place, lost = first + LINEAR_BRISTLES, beyond_limit(p, data[act][first + LINEAR_LOAD])
+            bristles, excess = first + LINEAR_BRISTLES, beyond_limit(p, data[act][first + LINEAR_LOAD])
         # MuJoCo has just called `rates` at this state.
-        return -friction_torque(p, data[act][place], data[act_dot][place]) - lost
+        return -friction_torque(p, data[act][bristles], data[act_dot][bristles]) - excess
 
     @cfunc(types.float64(), cache=cached)
     def clock():  # type: ignore[no-untyped-def]

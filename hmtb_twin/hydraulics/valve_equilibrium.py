@@ -38,7 +38,10 @@ def settled_arm(
     n, oil = len(parameters), parameters[0]
     controls = np.column_stack([command, feedforward]).ravel()
     steady = np.array([eq.SPOOL_VELOCITY, eq.MEAN, eq.LOAD])
+    displacement = parameters[:, eq.DISPLACEMENT]
 
+    # Unknown: supply pressure, then spools, mean pressures, load pressures and droops of the joints.
+    # Spool velocities and bristles vanish at rest, filtered load pressures equal the load pressures.
     def states(unknown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         joints = np.zeros((n, eq.STATES))
         joints[:, eq.SPOOL], joints[:, eq.MEAN], joints[:, eq.LOAD] = unknown[1:].reshape(4, n)[:3]
@@ -48,26 +51,23 @@ def settled_arm(
     def imbalance(unknown: np.ndarray) -> np.ndarray:
         angles, act = states(unknown)
         rates = eq.arm_rates(parameters, act, controls, angles, np.zeros(n))
+        # `newton` expects values of order one; spool acceleration and pressure rates are scaled to that.
         joints = rates[1:].reshape(n, eq.STATES)[:, steady] / [oil[eq.FREQUENCY] ** 2, 1e3, 1e3]
-        displacement = parameters[:, eq.DISPLACEMENT]
         missing = displacement * act[1:].reshape(n, eq.STATES)[:, eq.LOAD] - load(angles)
         return np.concatenate([rates[:1], joints.ravel(), missing / (displacement + 1e-3 * pins)])
 
-    start = np.concatenate(
-        [
-            [oil[eq.SET]],
-            np.zeros(n),
-            np.full(n, 0.5 * (oil[eq.SET] + oil[eq.RETURN])),
-            feedforward / parameters[:, eq.DISPLACEMENT],
-            np.zeros(n),
-        ]
-    )
+    # The start: spools closed, chambers half-way between supply and return, as the controller knows the weight.
+    set_pressure = [oil[eq.SET]]
+    mean_pressures = np.full(n, 0.5 * (oil[eq.SET] + oil[eq.RETURN]))
+    start = np.concatenate([set_pressure, np.zeros(n), mean_pressures, feedforward / displacement, np.zeros(n)])
     solution = newton(imbalance, start)
     if not np.abs(imbalance(solution)).max() < 1e-9:
-        stall = parameters[:, eq.DISPLACEMENT] * (oil[eq.SET] - oil[eq.RETURN])
-        most = np.max(np.abs(load(command) / stall), where=pins == 0.0, initial=0.0)
+        stall = displacement * (oil[eq.SET] - oil[eq.RETURN])
+        # Pins carry the load of the joints that they hold.
+        largest_load = np.max(np.abs(load(command) / stall), where=pins == 0.0, initial=0.0)
         raise OverloadError(
             f"at {oil[eq.SET]:g} MPa the servo valves cannot hold the arm at this pose: the weight takes "
-            f"{100.0 * most:.0f} % of a drive's largest torque, and what leaks through the valves leaves less than that"
+            f"{100.0 * largest_load:.0f} % of a drive's largest torque, and what leaks through the valves leaves less "
+            "than that"
         )
     return states(solution)

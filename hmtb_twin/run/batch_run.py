@@ -19,7 +19,9 @@ from hmtb_twin.run.worksite_run import WorksiteRun
 
 def warning_names(counts: np.ndarray) -> str:
     """Return the names of the engine warnings with counts (n,) above zero, separated by commas."""
-    return ", ".join(str(mujoco.mjtWarning(i)).rsplit("mjWARN_", 1)[-1] for i in np.flatnonzero(counts))
+    warnings = [str(mujoco.mjtWarning(i)) for i in np.flatnonzero(counts)]
+    # The bindings print "mjtWarning.mjWARN_BADQACC".
+    return ", ".join(warning.rsplit("mjWARN_", 1)[-1] for warning in warnings)
 
 
 BLOCK = 256
@@ -42,24 +44,29 @@ class Recording:
 
     def __init__(self, lengths: Sequence[int], widths: Mapping[str, int]) -> None:
         rows, longest = len(lengths), max(lengths)
-        self._blocks = {name: np.empty((min(BLOCK, longest), rows, width)) for name, width in widths.items()}
         self._first = 0
-        self.records = [{name: np.empty((ticks, width)) for name, width in widths.items()} for ticks in lengths]
+        self._blocks = {}
+        self.records: list[dict[str, np.ndarray]] = [{} for _ in lengths]
+        for name, width in widths.items():
+            self._blocks[name] = np.empty((min(BLOCK, longest), rows, width))
+            for ticks, record in zip(lengths, self.records, strict=True):
+                record[name] = np.empty((ticks, width))
 
     def write(self, tick: int, values: Mapping[str, np.ndarray]) -> None:
         """Write the channels (rows, width) of a tick; ticks must come in order."""
         if tick - self._first == BLOCK:
             self.close(tick)
-        for name, now in values.items():
-            self._blocks[name][tick - self._first] = now
+        for name, value in values.items():
+            self._blocks[name][tick - self._first] = value
 
     def close(self, ticks: int) -> None:
         """Copy the block up to a tick into the records."""
         first, self._first = self._first, ticks
         for row, record in enumerate(self.records):
             for name, channel in record.items():
-                part = channel[first:ticks]
-                part[:] = self._blocks[name][: len(part), row]
+                # A row that ended before this block has an empty span.
+                span = channel[first:ticks]
+                span[:] = self._blocks[name][: len(span), row]
 
 
 class BatchRun:
@@ -90,9 +97,9 @@ class BatchRun:
         for i, row in enumerate(rows):
             for name in STATE:
                 simulations.bind(name)[i] = row.start[name]
-        self._control, self._angles, self._act, self._sensors, self._positions, self._rotations = (
-            simulations.bind(name) for name in ("ctrl", "qpos", "act", "sensordata", "site_xpos", "site_xmat")
-        )
+        self._control, self._angles, self._act = map(simulations.bind, ("ctrl", "qpos", "act"))
+        self._sensors = simulations.bind("sensordata")
+        self._positions, self._rotations = simulations.bind("site_xpos"), simulations.bind("site_xmat")
         self._tool = arm.model.site("tool").id
         self._pressures, self._spools, self._supply = arm.pressure_states, arm.spool_states, arm.supply_state
         self._site = WorksiteRun(simulations, [row.arm for row in rows]) if arm.worksite else None
@@ -117,8 +124,10 @@ class BatchRun:
         The records are filled in when the last tick is done, or when the iterator is closed: up to the ticks done.
         """
         self._simulations.forward()
-        recording = Recording(self._lengths.tolist(), {name: now.shape[1] for name, now in self.channels().items()})
+        widths = {name: channel.shape[1] for name, channel in self.channels().items()}
+        recording = Recording(self._lengths.tolist(), widths)
         if self._site:
+            # Without an operator nobody closes or opens the fingers: the unit is held all the time or never.
             for i in set(range(len(self._rows))).difference(self._live):
                 self._rows[i].station.status |= self._status(i)
         tick = 0
@@ -133,6 +142,7 @@ class BatchRun:
                 tick += 1
                 yield tick
         finally:
+            # Also when a live run is ended early: what was recorded until then is kept.
             recording.close(tick)
             for row, record in zip(self._rows, recording.records, strict=True):
                 row.record = record
@@ -145,16 +155,18 @@ class BatchRun:
 
     def channels(self) -> dict[str, np.ndarray]:
         """Return the recorded channels at this tick, (rows, width) each."""
-        now = {
+        channels = {
             "true_angles": self._angles[:, : len(JOINTS)],
             "load_pressure": self._act[:, self._pressures],
             "wrench": self._sensors[:, : len(WRENCH)],
         }
         if self._site:
-            now |= {"unit_pose": self._site.unit_pose, "contact_force": self._site.contact_force}
+            channels["unit_pose"] = self._site.unit_pose
+            channels["contact_force"] = self._site.contact_force
         if self._spools is not None:
-            now |= {"spool": self._act[:, self._spools], "supply_pressure": self._act[:, self._supply]}
-        return now
+            channels["spool"] = self._act[:, self._spools]
+            channels["supply_pressure"] = self._act[:, self._supply]
+        return channels
 
     def _look_ahead(self, tick: int) -> None:
         """Compute the controls of a block of ticks of rows that depend only on the excitation."""
@@ -221,17 +233,17 @@ class BatchRun:
         self._active = self._active[self._active != i]
 
     def _status(self, i: int) -> int:
-        return int(Status.UNIT_HELD) if self._site and self._site.held[i] else 0
+        held = self._site is not None and self._site.held[i]
+        return int(Status.UNIT_HELD) if held else 0
 
     def _view(self, tick: int, i: int) -> View:
         """Return the view of the operator of row i."""
-        return View(
-            time=tick * SAMPLE_TIME,
-            tool_position=self._positions[i, self._tool].copy(),
-            tool_rotation=self._rotations[i, self._tool].reshape(3, 3).copy(),
-            wrench=self._sensors[i, : len(WRENCH)].copy(),
-            unit=self._site.look(i) if self._site else None,
-        )
+        unit = self._site.look(i) if self._site else None
+        # Copies, because an operator may keep them while the batch overwrites its arrays.
+        position = self._positions[i, self._tool].copy()
+        rotation = self._rotations[i, self._tool].reshape(3, 3).copy()
+        wrench = self._sensors[i, : len(WRENCH)].copy()
+        return View(time=tick * SAMPLE_TIME, tool_position=position, tool_rotation=rotation, wrench=wrench, unit=unit)
 
 
 def _switched(rows: Sequence[ExperimentRow]) -> dict[int, list[int]]:
@@ -239,6 +251,8 @@ def _switched(rows: Sequence[ExperimentRow]) -> dict[int, list[int]]:
     switched: dict[int, list[int]] = defaultdict(list)
     for i, row in enumerate(rows):
         station = row.station
-        for tick in np.flatnonzero(np.diff(station.powered) | (np.diff(station.exchanges) > 0)) + 1:
+        power_switches = np.diff(station.powered)
+        payload_changes = np.diff(station.exchanges) > 0
+        for tick in np.flatnonzero(power_switches | payload_changes) + 1:
             switched[int(tick)].append(i)
     return dict(switched)

@@ -75,9 +75,10 @@ class ExperimentRow:
             arm: The arm as its controller knows it at these ticks; that with the payload of each by default.
         """
         if arm is None:
+            # The controller's model of the payload, and with it the feedforward torque, changes at these ticks.
             changes = ticks.start + np.flatnonzero(np.diff(self.station.exchanges[ticks])) + 1
-            parts = pairwise([ticks.start, *changes, ticks.stop])
-            return np.vstack([self.controls(slice(a, b), self.arm_at(a)) for a, b in parts])
+            spans = pairwise([ticks.start, *changes, ticks.stop])
+            return np.vstack([self.controls(slice(first, last), self.arm_at(first)) for first, last in spans])
         noise = None if self.drive_noise is None else self.drive_noise[ticks]
         return arm.controls(self.station.commands[ticks], noise)
 
@@ -87,40 +88,51 @@ class ExperimentRow:
 
     def log(self, ticks: int | None = None) -> JointLog:
         """Return the log of the run, or of its first ticks."""
-        experiment, station, part = self.experiment, self.station, slice(ticks)
-        record = {name: (values[:, 0] if name in _NUMBERS else values)[part] for name, values in self.record.items()}
+        experiment, station, span = self.experiment, self.station, slice(ticks)
+        record = {name: values[span] for name, values in self.record.items()}
+        for name in record.keys() & set(_NUMBERS):
+            record[name] = record[name][:, 0]
         readings = read_resolvers(
-            record["true_angles"], self.resolver_noise[part], self.recorder, resolver=experiment.chain.resolver
+            record["true_angles"], self.resolver_noise[span], self.recorder, resolver=experiment.chain.resolver
         )
-        commands = station.commands[part]
-        changes = [[change.time, change.payload] for change in experiment.payload_changes]
+        recorded_commands = commands = station.commands[span]
+        sent = requested = None
+        if self.logged_noise is not None:
+            recorded_commands, sent = commands + self.logged_noise[span], commands
+        if station.loop is not None:
+            requested = station.loop.requested[span]
         return JointLog(
             name=experiment.name,
             seed=experiment.seed,
             dt=SAMPLE_TIME,
             axes=tuple(experiment.axes),
-            commanded=commands if self.logged_noise is None else commands + self.logged_noise[part],
-            sent=None if self.logged_noise is None else commands,
-            requested=None if station.loop is None else station.loop.requested[part],
+            commanded=recorded_commands,
+            sent=sent,
+            requested=requested,
             measured=delayed(readings, self.arm.delays),
-            status=station.status[part],
-            volts=station.volts[part],
-            counts=station.counts[part],
+            status=station.status[span],
+            volts=station.volts[span],
+            counts=station.counts[span],
             **record,
-            provenance={
-                "variant": experiment.variant,
-                "payload": experiment.payload,
-                **({"payload_changes": dumps(changes)} if changes else {}),
-                "drives": self.arm.drives_kind,
-                **{f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()},
-                **{f"specimen_{name}": dumps(value) for name, value in experiment.specimen.deviations.items()},
-                "pose": experiment.pose,
-                "mode": experiment.mode,
-                **{name: str(on).lower() for name, on in vars(experiment.chain).items()},
-                **_description(experiment, station),
-                **software_versions(),
-            },
+            provenance=self._provenance(),
         )
+
+    def _provenance(self) -> dict[str, str]:
+        """Return arm, settings and software of the log; the order is that of the attributes in its file."""
+        experiment = self.experiment
+        provenance = {"variant": experiment.variant, "payload": experiment.payload}
+        changes = [[change.time, change.payload] for change in experiment.payload_changes]
+        if changes:
+            provenance["payload_changes"] = dumps(changes)
+        provenance["drives"] = self.arm.drives_kind
+        provenance |= {f"plant_{name}": str(value) for name, value in vars(experiment.plant).items()}
+        deviations = experiment.specimen.deviations
+        provenance |= {f"specimen_{name}": dumps(value) for name, value in deviations.items()}
+        provenance |= {"pose": experiment.pose, "mode": experiment.mode}
+        provenance |= {name: str(on).lower() for name, on in vars(experiment.chain).items()}
+        provenance |= _description(experiment, self.station)
+        provenance |= software_versions()
+        return provenance
 
 
 def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = False) -> ExperimentRow:
@@ -138,7 +150,7 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
     arms = tuple(experiment_arm(experiment, payload, worksite=True, load=load) for payload in payloads)
     # A run has one step, and an empty end effector needs a shorter one than a loaded one.
     step = min(arm.model.opt.timestep for arm in arms)
-    arms = tuple(arm if arm.model.opt.timestep == step else arm.at_step(step) for arm in arms)
+    arms = tuple(_at_step(arm, step) for arm in arms)
     arm = arms[0]
     # A stream for each source: the draws of one do not depend on whether another is switched on.
     wires, resolvers, drives, logging = np.random.default_rng(experiment.seed).spawn(4)
@@ -150,6 +162,10 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
     if experiment.chain.logged_noise and interface.logged_noise > 0.0:
         logged = interface.logged_noise * low_pass(logging.standard_normal(shape), interface.logged_noise_corner)
     return ExperimentRow(experiment, arms, station, experiment.specimen.recorder, noise, logged, torques)
+
+
+def _at_step(arm: Arm, step: float) -> Arm:
+    return arm if arm.model.opt.timestep == step else arm.at_step(step)
 
 
 def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
@@ -217,9 +233,17 @@ def experiment_arm(
 
 def _description(experiment: Experiment, station: ControlStation) -> dict[str, str]:
     """Return the classes of operator and joint controller, and the TOML text of the experiment if it describes all."""
-    parts = {"operator": station.operator, "controller": station.loop and station.loop.controller}
-    by = {name: f"{type(x).__module__}.{type(x).__qualname__}" for name, x in parts.items() if x is not None}
+    classes = {}
+    if station.operator is not None:
+        classes["operator"] = _class_name(station.operator)
+    if station.loop is not None:
+        classes["controller"] = _class_name(station.loop.controller)
     write = getattr(experiment, "to_toml", None)
+    # A text cannot hold the code of a joint controller or of an operator that the caller has written.
     if not callable(write) or station.loop is not None or getattr(experiment, "has_own_operator", False):
-        return by
-    return {"scenario": write(), **by}
+        return classes
+    return {"scenario": write(), **classes}
+
+
+def _class_name(instance: object) -> str:
+    return f"{type(instance).__module__}.{type(instance).__qualname__}"

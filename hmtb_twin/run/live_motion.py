@@ -1,4 +1,4 @@
-"""What moves the arm on the page: one live run or one replay at a time, in a thread of its own."""
+"""Motion of the arm on the page: one live run or one replay at a time, in a thread of its own."""
 
 import threading
 from collections import deque
@@ -24,8 +24,8 @@ class Playback:
     """Speed, position and repetition of a replay, which may change while it runs.
 
     Args:
-        log: What is replayed.
-        first: Where it begins, s.
+        log: The log to replay.
+        first: Time at which the replay begins, s.
         speed: Seconds of the log per second.
         loop: Whether to begin again at the end.
 
@@ -35,19 +35,20 @@ class Playback:
 
     def __init__(self, log: JointLog, first: float = 0.0, *, speed: float = 1.0, loop: bool = False) -> None:
         self.log, self.speed, self.loop = log, speed, loop
-        self._wanted: deque[int] = deque(maxlen=1)
+        # Appending to and popping from a deque is atomic: the page seeks while the thread of the replay reads.
+        self._sought: deque[int] = deque(maxlen=1)
         self.seek(first)
 
     def seek(self, time: float) -> None:
         """Go on at another time, s."""
-        self._wanted.append(min(max(round(time / self.log.dt), 0), len(self.log) - 1))
+        self._sought.append(min(max(round(time / self.log.dt), 0), len(self.log) - 1))
 
     def frames(self) -> Iterator[Frame]:
         """Yield the ticks to show in their order; after `seek`, from the tick that it named."""
         tick = 0
         while tick < len(self.log):
-            if self._wanted:
-                tick = self._wanted.pop()
+            if self._sought:
+                tick = self._sought.pop()
             yield frame_of(self.log, tick)
             tick += 1
             if tick == len(self.log) and self.loop:
@@ -83,7 +84,7 @@ class Motion:
 
     @property
     def timing(self) -> str:
-        """What the clock says of the current or last motion."""
+        """Duration and largest delay of the current or last motion, as text."""
         return f"took {self.elapsed:.1f} s, at most {1e3 * self.lag:.0f} ms behind time"
 
     def check_free(self) -> None:
@@ -105,14 +106,18 @@ class Motion:
         """
 
         def work() -> None:
-            live = None
+            live: LiveRun | None = None
+            log: JointLog | None = None
             try:
                 live = LiveRun(experiment)
                 self._play(self._live(live), lambda: speed, watch)
-                log, why = (live.log() if live.tick else None), live.failure
+                reason = live.failure
             except (ValueError, OSError) as error:
-                log, why = (live.log() if live is not None and live.tick else None), str(error)
-            done(log, why)
+                reason = str(error)
+            # What was recorded before a failure is kept as well.
+            if live is not None and live.tick:
+                log = live.log()
+            done(log, reason)
 
         self._start(work)
 
@@ -156,28 +161,31 @@ class Motion:
     def _live(self, live: LiveRun) -> Iterator[Frame]:
         while (frame := live.step()) is not None:
             yield frame
+            # A switch requested by the page takes effect here, between two ticks and in the thread of the run.
             power, self._power = self._power, None
             if power is not None and live.tick < live.ticks:
                 live.switch_power(on=power)
 
     def _play(self, frames: Iterator[Frame], speed: Callable[[], float | None], watch: Watch) -> None:
+        """Show frames at their times, times the speed, until they end or the motion is stopped."""
         started, pace, next_tick = perf_counter(), speed(), -1
         next_picture = 0.0
         waiting: list[Frame] = []
         for frame in frames:
-            now = perf_counter()
+            clock = perf_counter()
+            # The time scale starts anew after a jump and at another speed; otherwise the arm would leap to catch up.
             if frame.tick != next_tick or pace != speed():
                 pace = speed()
-                begin = now - frame.time / (pace or 1.0)
+                begin = clock - frame.time / (pace or 1.0)
             next_tick = frame.tick + 1
             waiting.append(frame)
-            self.elapsed = now - started
-            due = now if pace is None else begin + frame.time / pace
-            self.lag = max(self.lag, now - due)
-            if now >= next_picture:
+            self.elapsed = clock - started
+            due = clock if pace is None else begin + frame.time / pace
+            self.lag = max(self.lag, clock - due)
+            if clock >= next_picture:
                 self._picture(waiting, watch)
                 # Ticks and pictures have no common period: what was drawn late must not delay the next.
-                next_picture, waiting = max(next_picture, now - 1.0 / FRAME_RATE) + 1.0 / FRAME_RATE, []
+                next_picture, waiting = max(next_picture, clock - 1.0 / FRAME_RATE) + 1.0 / FRAME_RATE, []
             if self._stop.is_set():
                 break
             if (ahead := due - perf_counter()) > 0.0:

@@ -52,14 +52,16 @@ class Frame:
 
 def frame_of(log: JointLog, tick: int) -> Frame:
     """Return the arm at one tick of a log."""
+    unit_pose = None if log.unit_pose is None else log.unit_pose[tick]
+    contact_force = None if log.contact_force is None else float(log.contact_force[tick])
     return Frame(
         tick=tick,
         angles=log.true_angles[tick],
-        command=log.commanded[tick] if log.sent is None else log.sent[tick],
+        command=log.felt[tick],
         wrench=log.wrench[tick],
         status=int(log.status[tick]),
-        unit_pose=None if log.unit_pose is None else log.unit_pose[tick],
-        contact_force=None if log.contact_force is None else float(log.contact_force[tick]),
+        unit_pose=unit_pose,
+        contact_force=contact_force,
         measured=log.measured[tick],
     )
 
@@ -102,17 +104,22 @@ class LiveRun:
             self._steps.close()
             return None
         done, self.tick = self.tick, self.tick + 1
+        # The recorder read the angles before the command of this tick acted.
         self._readings[done] = self._row.reading(done, angles)
-        now = {name: values[0].copy() for name, values in self._run.channels().items()}
+        recorded_ticks = np.maximum(done - self._row.arm.delays, 0)
+        measured = self._readings[recorded_ticks, np.arange(len(JOINTS))]
+        station = self._row.station
+        channels = {name: values[0].copy() for name, values in self._run.channels().items()}
+        contact_force = float(channels["contact_force"][0]) if "contact_force" in channels else None
         return Frame(
             tick=self.tick,
-            angles=now["true_angles"],
-            command=self._row.station.commands[done].copy(),
-            wrench=now["wrench"],
-            status=int(self._row.station.status[done]),
-            unit_pose=now.get("unit_pose"),
-            contact_force=float(now["contact_force"][0]) if "contact_force" in now else None,
-            measured=self._readings[np.maximum(done - self._row.arm.delays, 0), np.arange(len(JOINTS))],
+            angles=channels["true_angles"],
+            command=station.commands[done].copy(),
+            wrench=channels["wrench"],
+            status=int(station.status[done]),
+            unit_pose=channels.get("unit_pose"),
+            contact_force=contact_force,
+            measured=measured,
         )
 
     @property
@@ -132,6 +139,7 @@ class LiveRun:
             raise TwinError("the servo power can be switched only while the arm runs")
         self._switched = [time for time in self._switched if round(time / SAMPLE_TIME) < self.tick]
         if on != bool(self._row.station.powered[self.tick - 1]):
+            # Products with the sampling time such as 0.06 come out as 0.060000000000000005.
             self._switched.append(round(self.tick * SAMPLE_TIME, 9))
         self._run.switch_power(self.tick, on=on)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from functools import cache
+from math import ceil
 from time import perf_counter, sleep
 from typing import TYPE_CHECKING, Any, cast
 
@@ -50,10 +51,10 @@ def pictured_log(record: BusRecord) -> JointLog:
 
 
 def _held(values: np.ndarray) -> np.ndarray:
-    """Values (N, n) with those that are NaN as the last one before, or the first one."""
-    known, columns = np.isfinite(values), np.arange(values.shape[1])
-    last = np.maximum.accumulate(np.where(known, np.arange(len(values))[:, None], -1), axis=0)
-    return np.asarray(values[np.where(last < 0, known.argmax(axis=0), last), columns])
+    """Replace each NaN of values (N, n) by the last number before it, or by the first number of its column."""
+    finite, columns = np.isfinite(values), np.arange(values.shape[1])
+    last = np.maximum.accumulate(np.where(finite, np.arange(len(values))[:, None], -1), axis=0)
+    return np.asarray(values[np.where(last < 0, finite.argmax(axis=0), last), columns])
 
 
 def frame_times(span: tuple[float, float], *, rate: float, speed: float = 1.0) -> np.ndarray:
@@ -71,6 +72,7 @@ def frame_times(span: tuple[float, float], *, rate: float, speed: float = 1.0) -
         TwinError: Too many frames.
     """
     first, last = span
+    # A quotient such as 2.9999999999 is a whole number that rounding has spoilt.
     count = int((last - first) / speed * rate + 1e-9) + 1
     if count > MOST_FRAMES:
         raise TwinError(f"{count} frames requested, expected at most {MOST_FRAMES}; play it faster, or show less of it")
@@ -90,22 +92,29 @@ def frames(log: JointLog, cameras: Sequence[str], *, size: tuple[int, int], time
         Pictures (height, width, 3), 8-bit RGB.
     """
     width, height = size
-    columns = len(cameras) if len(cameras) < 4 else -(-len(cameras) // 2)
-    rows = -(-len(cameras) // columns)
-    text = max(12, rows * height // 36)
-    names = [_label(camera.replace("_", " "), text) for camera in cameras] if len(cameras) > 1 else []
+    columns = len(cameras) if len(cameras) < 4 else ceil(len(cameras) / 2)
+    rows = ceil(len(cameras) / columns)
+    # A thirty-sixth of the picture's height; smaller letters than 12 pixels are illegible.
+    font_size = max(12, rows * height // 36)
+    labels = []
+    if len(cameras) > 1:
+        labels = [_label(camera.replace("_", " "), font_size) for camera in cameras]
     with Stage(pictured_arm(log), width, height, draft=len(times) > 1) as stage:
         for time in times:
             tick = min(round(time / log.dt), len(log) - 1)
             unit = None if log.unit_pose is None else log.unit_pose[tick]
             picture = np.zeros((rows * height, columns * width, 3), np.uint8)
-            panes = [picture[r * height :, c * width :][:height, :width] for r in range(rows) for c in range(columns)]
-            for pane, camera in zip(panes, cameras, strict=False):
+            panes = []
+            for index, camera in enumerate(cameras):
+                row, column = divmod(index, columns)
+                pane = picture[row * height :, column * width :][:height, :width]
                 pane[:] = stage.picture(camera, log.true_angles[tick], unit)
-            for pane, name in zip(panes, names, strict=False):
-                _put(pane[-len(name) :], name)
+                panes.append(pane)
+            # A single view needs no label.
+            for pane, label in zip(panes, labels, strict=False):
+                _put(pane[-len(label) :], label)
             force = f"wrist {np.linalg.norm(log.wrench[tick, :3]):5.1f} N"
-            _put(picture, _label(f"{log.name}   {tick * log.dt:6.2f} s   {force}", text))
+            _put(picture, _label(f"{log.name}   {tick * log.dt:6.2f} s   {force}", font_size))
             yield picture
 
 

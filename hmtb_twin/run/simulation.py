@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import overload
 
 import mujoco
+import numpy as np
 
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog
@@ -24,24 +25,23 @@ def structure(arm: Arm) -> Hashable:
     needs equal names, step, integrator and places of the drives' states.
     """
     model = arm.model
-    supply, spools = arm.supply_state, arm.spool_states
-    return (
-        tuple(getattr(model, name) for name in _sizes()),
-        bytes(model.names),
-        model.opt.timestep,
-        int(model.opt.integrator),
-        arm.worksite,
-        tuple(arm.pressure_states.tolist()),
-        None if spools is None else tuple(spools.tolist()),
-        None if supply is None else tuple(supply.tolist()),
-    )
+    sizes = tuple(getattr(model, name) for name in _sizes())
+    numerics = (model.opt.timestep, int(model.opt.integrator))
+    states = (_indices(arm.pressure_states), _indices(arm.spool_states), _indices(arm.supply_state))
+    return sizes, bytes(model.names), numerics, arm.worksite, states
+
+
+def _indices(states: np.ndarray | None) -> tuple[int, ...] | None:
+    """Return indices as a tuple, which a key needs."""
+    return None if states is None else tuple(states.tolist())
 
 
 @cache
 def _sizes() -> tuple[str, ...]:
     """Return the names of all sizes of a model, integers whose names begin with n."""
     empty = mujoco.MjSpec().compile()
-    return tuple(name for name in dir(empty) if name.startswith("n") and isinstance(getattr(empty, name), int))
+    candidates = [name for name in dir(empty) if name.startswith("n")]
+    return tuple(name for name in candidates if isinstance(getattr(empty, name), int))
 
 
 MOST_THREADS = 1024
@@ -116,6 +116,7 @@ def simulate(
     total = sum(row.ticks for row in rows.values())
     done, seconds, steps = 0, 0.0, 0
     while groups:
+        # Taken out, so that the memory of a group's models is free before the next one runs.
         group = groups.pop(next(iter(groups)))
         run = BatchRun(group, threads or 0)
         run.run(partial(_report, progress, done, total))
@@ -124,17 +125,17 @@ def simulate(
         steps += run.ticks * run.substeps
         del run, group
     logs = []
-    for place in list(rows):
+    for index in list(rows):
         # Each record is released when its log is made: never two copies of all of them in memory.
-        row = rows.pop(place)
+        row = rows.pop(index)
         if row.failure is None:
             logs.append(row.log())
         else:
-            failures[place] = row.failure
+            failures[index] = row.failure
     labels = _labels(experiments)
     return Logs(
         logs=tuple(logs),
-        failed=MappingProxyType({labels[place]: failures[place] for place in sorted(failures)}),
+        failed=MappingProxyType({labels[index]: failures[index] for index in sorted(failures)}),
         physics_seconds=seconds,
         steps=steps,
     )
@@ -151,21 +152,21 @@ def _prepared(
     load, settle = cache(load_arm), cache(at_rest)
     rows: dict[int, ExperimentRow] = {}
     failures: dict[int, str] = {}
-    for place, experiment in enumerate(experiments):
+    for index, experiment in enumerate(experiments):
         try:
-            rows[place] = prepare(experiment, load)
+            rows[index] = prepare(experiment, load)
         except ValueError as error:
             if not keep_going:
                 raise
-            failures[place] = str(error)
-    for place, row in list(rows.items()):
+            failures[index] = str(error)
+    for index, row in list(rows.items()):
         pose = row.experiment.pose
         try:
             row.start = first_state(row, settle)
         except ValueError as error:
             if keep_going:
-                failures[place] = f"{error} ({pose})"
-                del rows[place]
+                failures[index] = f"{error} ({pose})"
+                del rows[index]
             elif isinstance(error, OverloadError):
                 raise OverloadError(f"{row.experiment.name}: {error} ({pose})") from None
             else:
@@ -181,9 +182,14 @@ def _report(progress: Progress | None, before: int, total: int, ticks: int) -> N
 def _labels(experiments: Sequence[Experiment]) -> list[str]:
     """Return unique labels of experiments: name, with the seed if names repeat, with the index if that repeats."""
     names = [experiment.name for experiment in experiments]
-    labels = [f"{experiment.name}@{experiment.seed}" for experiment in experiments]
-    named, labelled = Counter(names), Counter(labels)
-    return [
-        name if named[name] == 1 else label if labelled[label] == 1 else f"{label}#{place}"
-        for place, (name, label) in enumerate(zip(names, labels, strict=True))
-    ]
+    seeded_names = [f"{experiment.name}@{experiment.seed}" for experiment in experiments]
+    name_counts, seeded_counts = Counter(names), Counter(seeded_names)
+    labels = []
+    for index, (name, seeded_name) in enumerate(zip(names, seeded_names, strict=True)):
+        if name_counts[name] == 1:
+            labels.append(name)
+        elif seeded_counts[seeded_name] == 1:
+            labels.append(seeded_name)
+        else:
+            labels.append(f"{seeded_name}#{index}")
+    return labels

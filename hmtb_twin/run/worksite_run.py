@@ -40,17 +40,14 @@ class WorksiteRun:
         # Each simulation has its own models, which hold the pose of the unit between the fingers.
         self._working = [copy(arm.model) for arm in arms]
         self._shut: list[mujoco.MjModel | None] = [None for _ in self.held]
-        self._angles, self._active, history, self._places, self._turns, self._sites, self._axes = (
-            simulations.bind(name)
-            for name in ("qpos", "eq_active", "history", "xpos", "xmat", "site_xpos", "site_xmat")
-        )
+        self._angles, self._active = simulations.bind("qpos"), simulations.bind("eq_active")
+        self._positions, self._rotations = simulations.bind("xpos"), simulations.bind("xmat")
+        self._site_positions, self._site_rotations = simulations.bind("site_xpos"), simulations.bind("site_xmat")
+        history = simulations.bind("history")
         model = arms[0].model
         self._weld = model.equality(LATCH_WELD).id
-        self._unit, self._hand, self._tool = (
-            model.body(UNIT_BODY).id,
-            model.body(END_EFFECTOR).id,
-            model.site("tool").id,
-        )
+        self._unit, self._hand = model.body(UNIT_BODY).id, model.body(END_EFFECTOR).id
+        self._tool = model.site("tool").id
         sensor = model.sensor(TOUCH_SENSOR).id
         samples = model.sensor_history[sensor, 0]
         # A history holds two numbers of its own, then the times, then the values.
@@ -69,8 +66,8 @@ class WorksiteRun:
 
     def look(self, i: int) -> UnitView:
         """Return the view of the unit of simulation i."""
-        place, turn = self._where(i)
-        return UnitView(place.copy(), turn.copy(), bool(self.held[i]))
+        position, rotation = self._unit_frame(i)
+        return UnitView(position.copy(), rotation.copy(), bool(self.held[i]))
 
     def close(self, i: int, closed: bool) -> bool:
         """Open or close the fingers of simulation i; return whether its models have changed."""
@@ -79,6 +76,7 @@ class WorksiteRun:
             return False
         self.held[i] = closed and self._within_fingers(i)
         self._active[i, self._weld] = self.held[i]
+        # Opening the fingers only switches the weld off: its pose stays in the models and is not used.
         if self.held[i]:
             for model in filter(None, (self._working[i], self._shut[i])):
                 self._hold(i, model)
@@ -90,30 +88,34 @@ class WorksiteRun:
 
     def carrying(self, i: int) -> Arm:
         """Return the arm of simulation i with the controller's model for its present payload."""
-        arm, payload = self._arms[i], "rpcm" if self.held[i] else "none"
+        arm = self._arms[i]
+        payload = "rpcm" if self.held[i] else "none"
         return arm if payload == arm.payload else replace(arm, controller=controller_model(payload, arm.variant))
 
-    def _where(self, i: int) -> tuple[np.ndarray, np.ndarray]:
-        return self._places[i, self._unit], self._turns[i, self._unit].reshape(3, 3)
+    def _unit_frame(self, i: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return position (3,) and rotation (3, 3) of the unit of simulation i, as views of the batch's arrays."""
+        return self._positions[i, self._unit], self._rotations[i, self._unit].reshape(3, 3)
 
     def _without_power(self, i: int) -> mujoco.MjModel:
         shut = self._shut[i]
         if shut is None:
+            # Made at the first shutdown: most experiments have none.
             shut = self._shut[i] = copy(self._arms[i].unpowered)
             shut.eq_data[self._weld] = self._working[i].eq_data[self._weld]
         return shut
 
     def _within_fingers(self, i: int) -> bool:
-        place, turn = self._where(i)
-        tool = self._axes[i, self._tool].reshape(3, 3)
-        away = np.linalg.norm(place - self._sites[i, self._tool])
-        # The angle of a rotation from its trace.
-        turned = np.arccos(np.clip((np.sum(tool * turn) - 1.0) / 2.0, -1.0, 1.0))
-        return bool(away <= LATCH.reach and turned <= LATCH.turn)
+        position, rotation = self._unit_frame(i)
+        tool = self._site_rotations[i, self._tool].reshape(3, 3)
+        distance = np.linalg.norm(position - self._site_positions[i, self._tool])
+        # The angle of a rotation from its trace; by rounding the cosine may exceed one.
+        angle = np.arccos(np.clip((np.sum(tool * rotation) - 1.0) / 2.0, -1.0, 1.0))
+        return bool(distance <= LATCH.reach and angle <= LATCH.turn)
 
     def _hold(self, i: int, model: mujoco.MjModel) -> None:
         """Write the pose of the unit in the end effector into a model."""
-        place, turn = self._where(i)
-        hand = self._turns[i, self._hand].reshape(3, 3)
-        model.eq_data[self._weld, 3:6] = hand.T @ (place - self._places[i, self._hand])
-        mujoco.mju_mat2Quat(model.eq_data[self._weld, 6:10], (hand.T @ turn).ravel())
+        position, rotation = self._unit_frame(i)
+        hand = self._rotations[i, self._hand].reshape(3, 3)
+        # Data of a weld: anchor (3), relative position (3), relative quaternion (4), torque scale.
+        model.eq_data[self._weld, 3:6] = hand.T @ (position - self._positions[i, self._hand])
+        mujoco.mju_mat2Quat(model.eq_data[self._weld, 6:10], (hand.T @ rotation).ravel())

@@ -2,10 +2,11 @@ import ctypes
 
 import mujoco
 import numpy as np
+from mujoco.introspect.ast_nodes import ArrayType, PointerType, StructDecl, StructFieldDecl, ValueType
 
 from hmtb_twin import load_arm
 from hmtb_twin.hydraulics import struct_offsets
-from hmtb_twin.hydraulics.struct_offsets import DATA_ARRAYS, MODEL_ARRAYS, pointer_offsets
+from hmtb_twin.hydraulics.struct_offsets import DATA_ARRAYS, MODEL_ARRAYS, check_pointers, declared_offsets
 from tests.refusals import refused
 
 
@@ -25,25 +26,32 @@ def test_offsets_lead_to_the_arrays_of_any_model():
     assert set(offsets) == {*MODEL_ARRAYS, *DATA_ARRAYS}
 
 
-class Struct:
-    """A structure of made-up words with two arrays."""
-
-    def __init__(self, words):
-        self.ctrl, self.act = np.zeros(2), np.zeros(3)
-        addresses = {"ctrl": self.ctrl.ctypes.data, "act": self.act.ctypes.data}
-        self.words = [addresses.get(word, word) for word in words]
-        self._address = 0
-
-    def read(self, address):
-        return self.words[address // 8] if address // 8 < len(self.words) else 7
+def test_unknown_declarations_and_pointers_elsewhere_are_errors(monkeypatch):
+    refused("declares its mjNothing in an unknown way.*another version", declared_offsets, "mjNothing", ("act",))
+    refused("declares its mjData in an unknown way.*another version", declared_offsets, "mjData", ("act", "nothing"))
+    number = StructDecl("mjData", "struct mjData_", [StructFieldDecl("act", ValueType("mjtUnknown"), "")])
+    monkeypatch.setitem(struct_offsets.STRUCTS, "mjData", number)
+    refused("mjtUnknown.*another version", declared_offsets, "mjData", ("act",))
+    data = mujoco.MjData(load_arm().model)
+    refused("does not keep act in its MjData.*another version", check_pointers, data, {"act": 0})
+    refused("address of its int", check_pointers, 3, {"act": 0})
 
 
-def test_pointers_missing_moving_or_in_two_places_are_errors_but_an_empty_array_may_share_its_address(monkeypatch):
-    for words in ([1, "act", 2], [1, "ctrl", 2, "ctrl", "act", 3]):
-        struct = Struct(words)
-        refused(r"MuJoCo .* pointers to ctrl .*another version", pointer_offsets, struct, ("ctrl", "act"), struct.read)
-    refused("address of its int", pointer_offsets, 3, ("ctrl",))
-    monkeypatch.setattr(struct_offsets, "_offsets", lambda joints: {"act": 8 * joints})
-    refused("keeps act at places that differ", struct_offsets.struct_offsets)
-    struct = Struct([1, "act", 2, "ctrl", "ctrl", 3])
-    assert pointer_offsets(struct, ("ctrl", "act"), struct.read) == {"ctrl": 32, "act": 8}
+def test_padding_arrays_and_inner_structures_have_the_sizes_of_c(monkeypatch):
+    point = StructDecl("Point", "struct Point", [StructFieldDecl("x", ArrayType(ValueType("float"), (3,)), "")])
+    fields = [
+        StructFieldDecl("flag", ValueType("mjtBool"), ""),
+        StructFieldDecl("points", ArrayType(ValueType("Point"), (2, 2)), ""),
+        StructFieldDecl("small", ValueType("mjtByte"), ""),
+        StructFieldDecl("act", PointerType(ValueType("mjtNum")), ""),
+        StructFieldDecl("ctrl", PointerType(ValueType("mjtNum")), ""),
+    ]
+    monkeypatch.setitem(struct_offsets.STRUCTS, "Point", point)
+    monkeypatch.setitem(struct_offsets.STRUCTS, "mjData", StructDecl("mjData", "struct mjData_", fields))
+    # A byte, padding to 4, four points of 12 bytes, a byte at 52, padding to 56.
+    assert declared_offsets("mjData", ("points", "small", "act", "ctrl")) == {
+        "points": 4,
+        "small": 52,
+        "act": 56,
+        "ctrl": 64,
+    }
