@@ -2,6 +2,7 @@
 
 import re
 from binascii import crc_hqx
+from calendar import isleap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -12,7 +13,7 @@ from urllib.parse import quote, unquote
 import numpy as np
 
 from hmtb_twin.bus.messages import FRAME
-from hmtb_twin.bus.words import CLOCK, MESSAGES
+from hmtb_twin.bus.words import CLOCK, MESSAGES, Message, Word
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.values import SAMPLE_RATE
 
@@ -43,6 +44,40 @@ class Test:
     """Tells pytest that this is a test of the arm, not of the code."""
 
 
+_GENERAL_ATTRIBUTES = rf"""
+G\PN:Hydraulic Manipulator Test Bed
+G\106:15
+G\DSI\N:1
+G\DSI-1:HMTB
+G\DST-1:STO
+R-1\ID:HMTB
+R-1\N:2
+R-1\DSI-1:TIME{TIME_CHANNEL}
+R-1\TK1-1:{TIME_CHANNEL}
+R-1\TK4-1:{TIME_CHANNEL}
+R-1\CHE-1:T
+R-1\CDT-1:TIMEIN
+R-1\CDLN-1:TIME{TIME_CHANNEL}
+R-1\TTF-1:1
+R-1\TFMT-1:I
+R-1\TSRC-1:I
+R-1\DSI-2:BUS{BUS_CHANNEL}
+R-1\TK1-2:{BUS_CHANNEL}
+R-1\TK4-2:{BUS_CHANNEL}
+R-1\CHE-2:T
+R-1\CDT-2:1553IN
+R-1\CDLN-2:BUS{BUS_CHANNEL}
+R-1\BTF-2:1
+B-1\DLN:BUS{BUS_CHANNEL}
+B-1\NBS\N:1
+B-1\BID-1:0000
+B-1\BNA-1:BUS{BUS_CHANNEL}
+B-1\BT-1:1553
+B-1\NMS\N-1:{len(MESSAGES)}
+"""
+"""Attributes of program, recorder and bus, which are the same in every run."""
+
+
 def setup_record(tests: Sequence[Test]) -> str:
     """Write the set-up record.
 
@@ -55,87 +90,85 @@ def setup_record(tests: Sequence[Test]) -> str:
     Returns:
         Lines of attributes, ASCII.
     """
-    lines = [
-        r"G\PN:Hydraulic Manipulator Test Bed",
-        r"G\106:15",
-        r"G\DSI\N:1",
-        r"G\DSI-1:HMTB",
-        r"G\DST-1:STO",
-        r"R-1\ID:HMTB",
-        r"R-1\N:2",
-        rf"R-1\DSI-1:TIME{TIME_CHANNEL}",
-        rf"R-1\TK1-1:{TIME_CHANNEL}",
-        rf"R-1\TK4-1:{TIME_CHANNEL}",
-        r"R-1\CHE-1:T",
-        r"R-1\CDT-1:TIMEIN",
-        rf"R-1\CDLN-1:TIME{TIME_CHANNEL}",
-        r"R-1\TTF-1:1",
-        r"R-1\TFMT-1:I",
-        r"R-1\TSRC-1:I",
-        rf"R-1\DSI-2:BUS{BUS_CHANNEL}",
-        rf"R-1\TK1-2:{BUS_CHANNEL}",
-        rf"R-1\TK4-2:{BUS_CHANNEL}",
-        r"R-1\CHE-2:T",
-        r"R-1\CDT-2:1553IN",
-        rf"R-1\CDLN-2:BUS{BUS_CHANNEL}",
-        r"R-1\BTF-2:1",
-        rf"B-1\DLN:BUS{BUS_CHANNEL}",
-        r"B-1\NBS\N:1",
-        r"B-1\BID-1:0000",
-        rf"B-1\BNA-1:BUS{BUS_CHANNEL}",
-        r"B-1\BT-1:1553",
-        rf"B-1\NMS\N-1:{len(MESSAGES)}",
-    ]
-    conversions: list[str] = []
+    attributes = _GENERAL_ATTRIBUTES.strip().splitlines()
+    measurements: list[tuple[str, Word]] = []
     for i, message in enumerate(MESSAGES, start=1):
-        lines += [
-            rf"B-1\MID-1-{i}:{i}",
-            rf"B-1\MNA-1-{i}:{message.name}",
-            rf"B-1\TRA-1-{i}:{message.terminal:05b}",
-            rf"B-1\TRM-1-{i}:{int(message.transmits)}",
-            rf"B-1\STA-1-{i}:{message.subaddress:05b}",
-            rf"B-1\DWC-1-{i}:{message.count % 32:05b}",
-            rf"B-1\MN\N-1-{i}:{message.count}",
-        ]
+        attributes += _message_attributes(f"1-{i}", i, message)
         for j, word in enumerate(message.words, start=1):
+            # Tick, test number and checks occur in every message; the name of a measurement must be unique.
             measurement = word.name if word.step is not None else f"{message.name}_{word.name}"
-            lines += [
-                rf"B-1\MN-1-{i}-{j}:{measurement}",
-                rf"B-1\NML\N-1-{i}-{j}:1",
-                rf"B-1\MWN-1-{i}-{j}-1:{j}",
-                rf"B-1\MBM-1-{i}-{j}-1:FW",
-                rf"B-1\MTO-1-{i}-{j}-1:MSB",
-            ]
-            c = len(conversions) + 1
-            kind = ["BFM:UNS", "DCT:NON"] if word.step is None else ["BFM:TWO", "DCT:COE", r"CO\N:1", "CO:0"]
-            scale = [] if word.step is None else [rf"C-{c}\CO-1:{word.step!r}"]
-            conversions.append(
-                "\n".join(
-                    [rf"C-{c}\DCN:{measurement}", rf"C-{c}\MN3:{word.unit}", *(rf"C-{c}\{k}" for k in kind), *scale]
-                )
-            )
-    lines += "\n".join(conversions).splitlines()
-    ours = [r"V-1\ID:HMTB", r"V-1\VN:HTB", rf"V-1\HTB\TST\N:{len(tests)}"]
+            attributes += _word_attributes(f"1-{i}-{j}", j, measurement)
+            measurements.append((measurement, word))
+    for number, (measurement, word) in enumerate(measurements, start=1):
+        attributes += _conversion_attributes(f"C-{number}", measurement, word)
+    announcements = list(_test_attributes(tests))
+    attributes += announcements
+    attributes.append(rf"V-1\HTB\CRC:{_check(announcements)}")
+    return "".join(f"{attribute};\r\n" for attribute in attributes)
+
+
+def _message_attributes(key: str, position: int, message: Message) -> Iterator[str]:
+    """Yield the attributes of a message of the bus."""
+    yield rf"B-1\MID-{key}:{position}"
+    yield rf"B-1\MNA-{key}:{message.name}"
+    yield rf"B-1\TRA-{key}:{message.terminal:05b}"
+    yield rf"B-1\TRM-{key}:{int(message.transmits)}"
+    yield rf"B-1\STA-{key}:{message.subaddress:05b}"
+    # 32 words are coded as zero, as in the command word.
+    yield rf"B-1\DWC-{key}:{message.count % 32:05b}"
+    yield rf"B-1\MN\N-{key}:{message.count}"
+
+
+def _word_attributes(key: str, position: int, measurement: str) -> Iterator[str]:
+    """Yield the attributes of a word: a measurement that fills it, most significant bit first."""
+    yield rf"B-1\MN-{key}:{measurement}"
+    yield rf"B-1\NML\N-{key}:1"
+    yield rf"B-1\MWN-{key}-1:{position}"
+    yield rf"B-1\MBM-{key}-1:FW"
+    yield rf"B-1\MTO-{key}-1:MSB"
+
+
+def _conversion_attributes(group: str, measurement: str, word: Word) -> Iterator[str]:
+    """Yield the attributes that convert a word to its unit: none for bits, otherwise a polynomial of first order."""
+    yield rf"{group}\DCN:{measurement}"
+    yield rf"{group}\MN3:{word.unit}"
+    if word.step is None:
+        yield rf"{group}\BFM:UNS"
+        yield rf"{group}\DCT:NON"
+    else:
+        yield rf"{group}\BFM:TWO"
+        yield rf"{group}\DCT:COE"
+        yield rf"{group}\CO\N:1"
+        yield rf"{group}\CO:0"
+        # All digits: the step of the angles is no short decimal fraction.
+        yield rf"{group}\CO-1:{word.step!r}"
+
+
+def _test_attributes(tests: Sequence[Test]) -> Iterator[str]:
+    """Yield the attributes that announce the tests."""
+    yield r"V-1\ID:HMTB"
+    yield r"V-1\VN:HTB"
+    yield rf"V-1\HTB\TST\N:{len(tests)}"
     for n, test in enumerate(tests, start=1):
-        ours += [
-            rf"V-1\HTB\NAM-{n}:{encoded(test.name)}",
-            rf"V-1\HTB\TIC-{n}:{test.ticks}",
-            rf"V-1\HTB\PLN-{n}:{test.planned}",
-            rf"V-1\HTB\AXS-{n}:{' '.join(quote(axis) for axis in test.axes)}",
-        ]
-    return "".join(f"{line};\r\n" for line in [*lines, *ours, rf"V-1\HTB\CRC:{_check(ours)}"])
+        axes = " ".join(quote(axis) for axis in test.axes)
+        yield rf"V-1\HTB\NAM-{n}:{encoded(test.name)}"
+        yield rf"V-1\HTB\TIC-{n}:{test.ticks}"
+        yield rf"V-1\HTB\PLN-{n}:{test.planned}"
+        yield rf"V-1\HTB\AXS-{n}:{axes}"
 
 
 def read_setup(text: str) -> tuple[Test, ...]:
     """Return the tests of a set-up record in order; none if the record is not of this format, or damaged."""
-    *ours, check = re.findall(r"^(V-1\\[^;]*);", text, re.M) or [""]
-    if check != rf"V-1\HTB\CRC:{_check(ours)}":
+    *announcements, check = re.findall(r"^(V-1\\[^;]*);", text, re.M) or [""]
+    if check != rf"V-1\HTB\CRC:{_check(announcements)}":
         return ()
     attributes = dict(re.findall(r"^V-1\\HTB\\([A-Z]+-\d+):([^;]*);", text, re.M))
     tests = []
     for n in range(1, len(attributes) + 1):
         length, planned = attributes.get(f"TIC-{n}", ""), attributes.get(f"PLN-{n}", "")
-        if f"NAM-{n}" not in attributes or not (length.isdecimal() and int(length) < 2**16) or not planned.isdecimal():
+        # The tick word of a message has 16 bits: no test is longer.
+        has_length = length.isdecimal() and int(length) < 2**16
+        if f"NAM-{n}" not in attributes or not has_length or not planned.isdecimal():
             break
         axes = tuple(map(unquote, attributes.get(f"AXS-{n}", "").split()))
         tests.append(Test(unquote(attributes[f"NAM-{n}"]), int(length), axes, int(planned)))
@@ -144,6 +177,7 @@ def read_setup(text: str) -> tuple[Test, ...]:
 
 def _check(lines: Sequence[str]) -> str:
     """Return the CRC of the tests' lines: two wrong bits that cancel pass the packet's checksum."""
+    # Damaged text may hold replacement characters, which ASCII lacks: then the CRC just differs.
     return f"{crc_hqx(';'.join(lines).encode(errors='replace'), 0xFFFF):04X}"
 
 
@@ -204,44 +238,50 @@ def recording(
     Yields:
         The packets one after the other: set-up record first, a time packet at the beginning of every second.
     """
-    c10, bus_packet = pychapter10().c10, _bus_packet()
-    yield bytes(
-        c10.ComputerF1(
-            channel_id=0,
-            header_version=SETUP_VERSION,
-            data_checksum=CHECKSUM_32,
-            data_type=SETUP,
-            rtc=starts[0] if len(starts) else 0,
-            version=VERSION_2015,
-            data=setup.encode("ascii"),
-        )
-    )
-    clock, sequence = 0, 0
+    bus_packet_class = _bus_packet_class()
+    first_counter = starts[0] if starts else 0
+    yield _setup_packet(setup, first_counter)
+    time_packets, bus_packets = 0, 0
     for (frames, kept), start in zip(tests, starts, strict=True):
         content = np.ascontiguousarray(frames).view(np.uint8).reshape(kept.shape)
         for first in range(0, len(frames), TICKS_PER_PACKET):
             if first % SAMPLE_RATE == 0:
-                yield _time_packet(start + first // SAMPLE_RATE * CLOCK, date, clock)
-                clock += 1
-            part = slice(first, first + TICKS_PER_PACKET)
-            body = content[part][kept[part]].tobytes()
+                yield _time_packet(start + first // SAMPLE_RATE * CLOCK, date, time_packets)
+                time_packets += 1
+            span = slice(first, first + TICKS_PER_PACKET)
+            body = content[span][kept[span]].tobytes()
+            # A packet without messages would have no time of its own.
             if body:
-                packet = bus_packet(
+                packet = bus_packet_class(
                     channel_id=BUS_CHANNEL,
                     header_version=DATA_VERSION,
-                    sequence_number=sequence % 256,
+                    sequence_number=bus_packets % 256,
                     data_checksum=CHECKSUM_32,
                     data_type=BUS,
+                    # The body begins with the time stamp of its first message.
                     rtc=int.from_bytes(body[:8], "little"),
-                    count=int(kept[part][:, _FIRST_BYTES].sum()),
+                    count=int(kept[span][:, _FIRST_BYTES].sum()),
                     time_tag_bits=FIRST_BIT_OF_FIRST_WORD,
                 )
                 packet.append(body)
                 yield bytes(packet)
-                sequence += 1
+                bus_packets += 1
 
 
-def _bus_packet() -> Any:
+def _setup_packet(setup: str, counter: int) -> bytes:
+    packet = pychapter10().c10.ComputerF1(
+        channel_id=0,
+        header_version=SETUP_VERSION,
+        data_checksum=CHECKSUM_32,
+        data_type=SETUP,
+        rtc=counter,
+        version=VERSION_2015,
+        data=setup.encode("ascii"),
+    )
+    return bytes(packet)
+
+
+def _bus_packet_class() -> Any:
     """The library's class of 1553 packets, with the time tag bits where the standard has them.
 
     They are bits 31 and 30 of the channel-specific word [IRIG2015, 10.6.4]; pychapter10 1.1.19 has them in 25 and 24,
@@ -255,18 +295,18 @@ def _bus_packet() -> Any:
     return BusPacket
 
 
-def _time_packet(counter: int, date: datetime, number: int) -> bytes:
+def _time_packet(counter: int, date: datetime, sequence_number: int) -> bytes:
     packet = pychapter10().c10.TimeF1(
         channel_id=TIME_CHANNEL,
         header_version=DATA_VERSION,
-        sequence_number=number % 256,
+        sequence_number=sequence_number % 256,
         data_checksum=CHECKSUM_32,
         data_type=TIME,
         rtc=counter,
         time_source=INTERNAL_CLOCK,
         time_format=REAL_TIME_CLOCK,
         date_format=MONTH_AND_YEAR,
-        leap=int((date.year % 4 == 0 and date.year % 100 != 0) or date.year % 400 == 0),
+        leap=int(isleap(date.year)),
     )
     packet.time = date + timedelta(seconds=counter // CLOCK)
     return bytes(packet)

@@ -46,24 +46,27 @@ def scan(data: bytes) -> Scan:
     """
     offsets: list[int] = []
     setups: list[str] = []
-    whole = damaged = 0
+    packets = damaged = 0
     done = 0
-    cut = False
-    for begin, end, kind, body in _packets(data):
+    for begin, end, data_type, body_end in _packets(data):
         if begin > done:
             damaged += 1
             offsets += _search(data, done, begin)
-        whole += 1
+        packets += 1
         done = end
-        if kind == BUS:
-            offsets += _walk(data, begin + HEADER + 4, body)
-        elif kind == SETUP:
-            setups.append(data[begin + HEADER + 4 : body].decode("ascii", errors="replace"))
-    if done < len(data):
+        # The channel-specific word, of 4 bytes, comes before the content.
+        content = begin + HEADER + 4
+        if data_type == BUS:
+            offsets += _walk(data, content, body_end)
+        elif data_type == SETUP:
+            setups.append(data[content:body_end].decode("ascii", errors="replace"))
+    cut = done < len(data)
+    if cut:
         damaged += 1
-        cut = True
         offsets += _search(data, done, len(data))
-    return Scan(np.array(offsets, dtype=np.int64), tuple(dict.fromkeys(setups)), whole, damaged, cut)
+    # Equal set-up records count once; two different ones are those of two recordings.
+    different_setups = tuple(dict.fromkeys(setups))
+    return Scan(np.array(offsets, dtype=np.int64), different_setups, packets, damaged, cut)
 
 
 def _packets(data: bytes) -> Iterator[tuple[int, int, int, int]]:
@@ -85,11 +88,15 @@ def _packets(data: bytes) -> Iterator[tuple[int, int, int, int]]:
                 position += length
                 if data[position : position + 2] == SYNC:
                     continue
-        position = data.find(SYNC, position + 1 if data[position : position + 2] == SYNC else position)
+        # Go on behind a sync that begins no packet, or at once where a whole packet is followed by something else.
+        if data[position : position + 2] == SYNC:
+            position += 1
+        position = data.find(SYNC, position)
 
 
 def _sound(raw: bytes, packet: object) -> bool:
     """Return whether the body fits into the packet and matches its checksum."""
+    # Code 0 to 3: none, or a sum of bytes, of 16-bit or of 32-bit words [IRIG2015, 10.6.1].
     size = (0, 1, 2, 4)[packet.data_checksum]  # type: ignore[attr-defined]
     end = len(raw) - size
     if HEADER + packet.data_length > end or (end - HEADER) % max(size, 1):  # type: ignore[attr-defined]
@@ -105,6 +112,7 @@ def _walk(data: bytes, position: int, end: int) -> Iterator[int]:
     while position + INTRA_PACKET_HEADER <= end:
         yield position
         (length,) = struct.unpack_from("<H", data, position + INTRA_PACKET_HEADER - 2)
+        # A message of odd length is followed by a filler byte.
         position += INTRA_PACKET_HEADER + length + length % 2
 
 
@@ -116,6 +124,7 @@ def _search(data: bytes, begin: int, end: int) -> Iterator[int]:
     """Yield the offsets in a damaged part at which a message may begin."""
     position = begin
     while (match := _SIGNATURE.search(data, position, end)) is not None:
+        # Only one byte on: a chance match must not hide a message that overlaps it.
         position = match.start() + 1
         start = match.start() - (INTRA_PACKET_HEADER - 2)
         if start >= begin:

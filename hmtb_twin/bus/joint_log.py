@@ -19,6 +19,8 @@ from sysid import IOData
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
 
+_FLAGS = ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in Status)
+
 _CHANNELS = {
     "commanded": ("joint", "rad", "commanded joint angle after quantisation, hold and velocity limit, as recorded"),
     "measured": ("joint", "rad", "resolver angle, read before the command of the same tick acts"),
@@ -27,11 +29,7 @@ _CHANNELS = {
     "load_pressure": ("joint", "MPa", "pressure across each actuator"),
     "volts": ("axis", "V", "voltage at the hand-controller converter"),
     "counts": ("axis", "1", "hand-controller counts"),
-    "status": (
-        None,
-        "1",
-        "flags of the tick: " + ", ".join(f"{flag.value} {str(flag.name).lower()}" for flag in Status),
-    ),
+    "status": (None, "1", f"flags of the tick: {_FLAGS}"),
 }
 
 _ELECTRIC_CHANNELS = {"load_pressure": ("joint", "A", "current of each motor, in the place of a pressure")}
@@ -102,12 +100,14 @@ class JointLog:
 
     def __post_init__(self) -> None:
         widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes), "pose": len(POSE)}
-        for channel, (along, _, _) in self._channels().items():
-            array = np.array(getattr(self, channel), dtype=np.int64 if channel == "status" else float)
+        for channel, (dimension, _, _) in self._channels().items():
+            dtype = np.int64 if channel == "status" else float
+            array = np.array(getattr(self, channel), dtype=dtype)
             samples = len(np.atleast_1d(self.commanded))
-            wanted = (samples, widths[along]) if along else (samples,)
-            if array.shape != wanted:
-                raise TwinError(f"{channel} of shape {array.shape} given, expected {wanted}")
+            shape = (samples, widths[dimension]) if dimension else (samples,)
+            if array.shape != shape:
+                raise TwinError(f"{channel} of shape {array.shape} given, expected {shape}")
+            # The arrays are copies: locking them leaves the caller's own ones writable.
             array.setflags(write=False)
             object.__setattr__(self, channel, array)
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
@@ -121,7 +121,7 @@ class JointLog:
 
     def _channels(self) -> "dict[str, tuple[str | None, str, str]]":
         """Return the channels of this log: dimension besides time, unit and meaning."""
-        present = {name: entry for name, entry in _OPTIONAL_CHANNELS.items() if getattr(self, name) is not None}
+        present = {name: channel for name, channel in _OPTIONAL_CHANNELS.items() if getattr(self, name) is not None}
         electric = _ELECTRIC_CHANNELS if self.provenance.get("drives") == "electric" else {}
         return {**_CHANNELS, **electric, **present}
 
@@ -167,14 +167,16 @@ class JointLog:
 
     def save(self, path: str | Path) -> Path:
         """Write the log as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""
-        names = {"joint": JOINTS, "component": WRENCH, "axis": self.axes}
+        labels = {"joint": JOINTS, "component": WRENCH, "axis": self.axes}
         if self.unit_pose is not None:
-            names["pose"] = POSE
+            labels["pose"] = POSE
         variables = {"sample": Variable(("sample",), np.arange(len(self)), {})}
-        variables |= {name: Variable((name,), np.array(texts, dtype=str), {}) for name, texts in names.items()}
-        for name, (along, unit, text) in self._channels().items():
+        for dimension, names in labels.items():
+            # The type is given for logs without an excited axis: an empty array would be one of numbers.
+            variables[dimension] = Variable((dimension,), np.array(names, dtype=str), {})
+        for name, (along, unit, meaning) in self._channels().items():
             dims = ("sample", along) if along else ("sample",)
-            variables[name] = Variable(dims, getattr(self, name), {"units": unit, "long_name": text})
+            variables[name] = Variable(dims, getattr(self, name), {"units": unit, "long_name": meaning})
         attributes: dict[str, Attribute] = {
             "title": self.name,
             "format": FORMAT,
@@ -201,15 +203,18 @@ class JointLog:
         if joints != JOINTS:
             raise TwinError(f"a joint log with joints {', '.join(joints)}; expected {', '.join(JOINTS)} in this order")
         prefix = "provenance_"
+        provenance = {}
+        for key, value in attributes.items():
+            if key.startswith(prefix):
+                provenance[key.removeprefix(prefix)] = str(value)
+        present = [name for name in (*_CHANNELS, *_OPTIONAL_CHANNELS) if name in stored]
         return cls(
             name=str(attributes["title"]),
             seed=int(attributes["seed"]),
             dt=float(attributes["sampling_time"]),
             axes=tuple(map(str, stored["axis"].values)),
-            provenance={
-                key.removeprefix(prefix): str(value) for key, value in attributes.items() if key.startswith(prefix)
-            },
-            **{name: stored[name].values for name in (*_CHANNELS, *_OPTIONAL_CHANNELS) if name in stored},
+            provenance=provenance,
+            **{name: stored[name].values for name in present},
         )
 
 

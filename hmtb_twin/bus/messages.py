@@ -22,17 +22,11 @@ FIRST_BIT = {"commanded": 0, "measured": 7, "wrench": 14}
 @cache
 def layout(message: Message) -> np.dtype:
     """Return the layout of a message in the file, packed and little-endian: intra-packet header, words in bus order."""
-    answer = [("status", "<u2"), ("data", "<u2", (message.count,))]
-    return np.dtype(
-        [
-            ("stamp", "<u8"),
-            ("block_status", "<u2"),
-            ("gap_times", "<u2"),
-            ("length", "<u2"),
-            ("command", "<u2"),
-            *(answer if message.transmits else answer[::-1]),
-        ]
-    )
+    header = [("stamp", "<u8"), ("block_status", "<u2"), ("gap_times", "<u2"), ("length", "<u2")]
+    command, status, data = ("command", "<u2"), ("status", "<u2"), ("data", "<u2", (message.count,))
+    # A terminal that transmits sends its status ahead of the data, one that receives answers after them.
+    words = [command, status, data] if message.transmits else [command, data, status]
+    return np.dtype([*header, *words])
 
 
 FRAME = np.dtype([(message.name, layout(message)) for message in MESSAGES])
@@ -54,31 +48,37 @@ def pack(record: BusRecord, test: int, start: int) -> tuple[np.ndarray, np.ndarr
     frames = np.zeros(len(record), FRAME)
     sent = np.empty((len(record), len(MESSAGES)), bool)
     for column, message in enumerate(MESSAGES):
-        values = getattr(record, message.name)
-        known = np.isfinite(values).all(axis=1)
-        known &= np.isfinite(record.status) if message.has_status else True
-        codes = np.rint(np.where(known[:, None], values, 0.0) / np.array(message.steps))
-        over = (codes < LOWEST) | (codes > HIGHEST)
-        before = _flags(record.saturated) >> FIRST_BIT[message.name] & 2 ** len(message.quantities) - 1
-        saturated = over @ (1 << np.arange(over.shape[1])) | before
-        words = np.column_stack(
-            [
-                ticks,
-                np.full(len(ticks), test),
-                np.clip(codes, LOWEST, HIGHEST).astype(np.int64) & 0xFFFF,
-                *([_flags(record.status)] if message.has_status else []),
-                saturated,
-            ]
-        ).astype(np.uint16)
-        part = frames[message.name]
-        part["stamp"] = start + COUNTS_PER_TICK * ticks + message.slot
-        part["gap_times"] = RESPONSE_TIME
-        part["length"] = message.length
-        part["command"] = message.command
-        part["status"] = message.status
-        part["data"] = np.column_stack([words, check_words(words)])
-        sent[:, column] = known
+        complete = np.isfinite(getattr(record, message.name)).all(axis=1)
+        if message.has_status:
+            complete &= np.isfinite(record.status)
+        words = _data_words(record, message, complete, test)
+        rows = frames[message.name]
+        rows["stamp"] = start + COUNTS_PER_TICK * ticks + message.slot
+        rows["gap_times"] = RESPONSE_TIME
+        rows["length"] = message.length
+        rows["command"] = message.command
+        rows["status"] = message.status
+        rows["data"] = np.column_stack([words, check_words(words)])
+        sent[:, column] = complete
     return frames, sent
+
+
+def _data_words(record: BusRecord, message: Message, complete: np.ndarray, test: int) -> np.ndarray:
+    """Return the data words (N, k) of a message ahead of its check words, 16 bits each."""
+    # Ticks with lost values get zeros, which no conversion to integers objects to; they are not sent.
+    values = np.where(complete[:, None], getattr(record, message.name), 0.0)
+    codes = np.rint(values / np.array(message.steps))
+    over = (codes < LOWEST) | (codes > HIGHEST)
+    # A record that has passed the bus before, as a file, keeps the bits that it already has.
+    earlier = _flags(record.saturated) >> FIRST_BIT[message.name] & 2 ** len(message.quantities) - 1
+    saturated = over @ (1 << np.arange(over.shape[1])) | earlier
+    # Two's complement in 16 bits.
+    coded = np.clip(codes, LOWEST, HIGHEST).astype(np.int64) & 0xFFFF
+    columns = [np.arange(len(record)), np.full(len(record), test), coded]
+    if message.has_status:
+        columns.append(_flags(record.status))
+    columns.append(saturated)
+    return np.column_stack(columns).astype(np.uint16)
 
 
 def unpack(messages: dict[str, np.ndarray], name: str, axes: tuple[str, ...], length: int, dt: float) -> BusRecord:
@@ -91,20 +91,24 @@ def unpack(messages: dict[str, np.ndarray], name: str, axes: tuple[str, ...], le
         length: Its number of ticks.
         dt: Sampling time, s.
     """
-    channels = {c: np.full((length, len(names)), np.nan) for c, (names, _) in CHANNELS.items()}
+    channels = {}
+    for channel, (names, _) in CHANNELS.items():
+        channels[channel] = np.full((length, len(names)), np.nan)
     flags = np.zeros(length, np.int64)
-    known = np.zeros(length, bool)
+    received = np.zeros(length, bool)
     for message in MESSAGES:
         data = messages[message.name]["data"]
         ticks = data[:, 0].astype(np.int64)
         width = len(message.quantities)
+        # Behind tick and test; the cast makes the order of bytes that of the machine, as the sign's bit needs.
         codes = data[:, 2 : 2 + width].astype(np.uint16).view(np.int16)
         channels[message.name][ticks] = np.array(message.steps) * codes
         if message.has_status:
             channels["status"][ticks, 0] = data[:, 2 + width]
+        # The third word from the end holds the saturation bits of this message alone.
         flags[ticks] |= data[:, -3].astype(np.int64) << FIRST_BIT[message.name]
-        known[ticks] = True
-    channels["saturated"][:, 0] = np.where(known, flags, np.nan)
+        received[ticks] = True
+    channels["saturated"][:, 0] = np.where(received, flags, np.nan)
     return BusRecord(
         name=name,
         dt=dt,
@@ -133,16 +137,17 @@ def incomplete(record: BusRecord) -> dict[str, int]:
     """Return by channel the number of ticks with some values but not all, which words cannot express."""
     counts = {}
     for message in MESSAGES:
-        known = np.isfinite(getattr(record, message.name))
+        finite = np.isfinite(getattr(record, message.name))
         if message.has_status:
-            known = np.column_stack([known, np.isfinite(record.status)])
-        partly = int((known.any(axis=1) & ~known.all(axis=1)).sum())
-        if partly:
-            counts[message.name] = partly
+            finite = np.column_stack([finite, np.isfinite(record.status)])
+        incomplete_ticks = int((finite.any(axis=1) & ~finite.all(axis=1)).sum())
+        if incomplete_ticks:
+            counts[message.name] = incomplete_ticks
     return counts
 
 
 def _flags(values: np.ndarray) -> np.ndarray:
+    """Return flags held as floats as integers; lost ones have no bit set."""
     return np.nan_to_num(values).astype(np.int64)
 
 
@@ -184,10 +189,10 @@ class BusFaults:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        for entry in fields(self):
-            value = getattr(self, entry.name)
-            if entry.name != "seed" and not 0.0 <= value <= 1.0:
-                raise TwinError(f"{entry.name}: a probability of {value} given, expected 0 to 1")
+        for attribute in fields(self):
+            value = getattr(self, attribute.name)
+            if attribute.name != "seed" and not 0.0 <= value <= 1.0:
+                raise TwinError(f"{attribute.name}: a probability of {value} given, expected 0 to 1")
 
     def apply(self, frames: np.ndarray, sent: np.ndarray, test: int) -> tuple[np.ndarray, np.ndarray]:
         """Apply the faults to the messages of a test.
@@ -205,27 +210,39 @@ class BusFaults:
         kept = np.ones((len(frames), FRAME.itemsize), bool)
         start = 0
         for column, message in enumerate(MESSAGES):
-            part, size = frames[message.name], layout(message).itemsize
-            dropped, silent, short = (
-                rng.random(len(frames)) < rate for rate in (self.dropped, self.silent, self.short)
-            )
-            wrong = rng.random(part["data"].shape) < self.invalid
-            part["data"] ^= np.where(wrong, 1 << rng.integers(16, size=wrong.shape), 0).astype(np.uint16)
-            # A terminal that does not answer sends no data that could be invalid.
-            heard = ~silent if message.transmits else np.ones(len(frames), bool)
-            invalid, short = wrong.any(axis=1) & heard, short & heard
-            unanswered = silent if message.transmits else silent | invalid | short
-            part["block_status"] |= (
-                np.where(invalid | short | unanswered, MESSAGE_ERROR, 0)
-                | np.where(invalid, INVALID_WORD, 0)
-                | np.where(short, WORD_COUNT_ERROR, 0)
-                | np.where(unanswered, NO_RESPONSE, 0)
-            ).astype(np.uint16)
+            rows, size = frames[message.name], layout(message).itemsize
+            # The order of the draws is part of what a seed means: dropped, silent, short, wrong words, wrong bits.
+            dropped = rng.random(len(frames)) < self.dropped
+            silent = rng.random(len(frames)) < self.silent
+            short = rng.random(len(frames)) < self.short
+            wrong = rng.random(rows["data"].shape) < self.invalid
+            # One wrong bit fails the parity of a word.
+            rows["data"] ^= np.where(wrong, 1 << rng.integers(16, size=wrong.shape), 0).astype(np.uint16)
+            if message.transmits:
+                # A terminal that does not answer sends no data that could be invalid.
+                invalid, short = wrong.any(axis=1) & ~silent, short & ~silent
+                unanswered = silent
+                # Words on the bus: command, status, data.
+                first_lost, data_end = INTRA_PACKET_HEADER + 2, size
+            else:
+                invalid = wrong.any(axis=1)
+                unanswered = silent | invalid | short
+                # Words on the bus: command, data, status.
+                first_lost, data_end = size - 2, size - 2
+            rows["block_status"] |= _block_status(invalid, short, unanswered)
             held = kept[:, start : start + size]
-            data_end = size if message.transmits else size - 2
             held[short, data_end - 2 : data_end] = False
-            held[unanswered, INTRA_PACKET_HEADER + 2 if message.transmits else size - 2 :] = False
-            part["length"] = held.sum(axis=1) - INTRA_PACKET_HEADER
+            held[unanswered, first_lost:] = False
+            rows["length"] = held.sum(axis=1) - INTRA_PACKET_HEADER
             held[dropped | ~sent[:, column]] = False
             start += size
         return frames, kept
+
+
+def _block_status(invalid: np.ndarray, short: np.ndarray, unanswered: np.ndarray) -> np.ndarray:
+    """Return the fault bits of the block status words (N,) of messages."""
+    errors = np.where(invalid | short | unanswered, MESSAGE_ERROR, 0)
+    errors |= np.where(invalid, INVALID_WORD, 0)
+    errors |= np.where(short, WORD_COUNT_ERROR, 0)
+    errors |= np.where(unanswered, NO_RESPONSE, 0)
+    return errors.astype(np.uint16)

@@ -1,7 +1,8 @@
 """Bus record: joints and wrench as they came over the bus, with gaps and without the secrets of a simulation."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +17,31 @@ from sysid import IOData
 FORMAT = "hmtb bus record 1"
 """Marks the NetCDF files of this version."""
 
+_COMMANDED = tuple(f"{joint}_commanded" for joint in JOINTS)
+_MEASURED = tuple(f"{joint}_measured" for joint in JOINTS)
+
 CHANNELS = {
-    "commanded": (tuple(f"{joint}_commanded" for joint in JOINTS), ("rad",) * len(JOINTS)),
-    "measured": (tuple(f"{joint}_measured" for joint in JOINTS), ("rad",) * len(JOINTS)),
+    "commanded": (_COMMANDED, ("rad",) * len(JOINTS)),
+    "measured": (_MEASURED, ("rad",) * len(JOINTS)),
     "wrench": (WRENCH, ("N",) * 3 + ("N m",) * 3),
     "status": (("status",), ("1",)),
     "saturated": (("saturated",), ("1",)),
 }
 """Channels in the order of their columns: names and units of each."""
 
-COLUMNS = tuple(name for names, _ in CHANNELS.values() for name in names)
+COLUMNS = tuple(chain.from_iterable(names for names, _ in CHANNELS.values()))
 """Names of all columns after the time."""
 
-UNITS = tuple(unit for _, units in CHANNELS.values() for unit in units)
+UNITS = tuple(chain.from_iterable(units for _, units in CHANNELS.values()))
 """Their units."""
+
+
+def _stretches(complete: np.ndarray) -> Iterator[slice]:
+    """Yield the uninterrupted stretches of complete ticks (N,)."""
+    # Padding with incomplete ticks closes stretches at either end.
+    steps = np.diff(np.concatenate(([False], complete, [False])).astype(int))
+    for start, stop in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
+        yield slice(start, stop)
 
 
 @dataclass(frozen=True)
@@ -63,9 +75,10 @@ class BusRecord:
         length = len(np.atleast_1d(self.commanded))
         for channel, (names, _) in CHANNELS.items():
             array = np.array(getattr(self, channel), dtype=float)
-            wanted = (length, len(names)) if len(names) > 1 else (length,)
-            if array.shape != wanted:
-                raise TwinError(f"{channel} of shape {array.shape} given, expected {wanted}")
+            shape = (length, len(names)) if len(names) > 1 else (length,)
+            if array.shape != shape:
+                raise TwinError(f"{channel} of shape {array.shape} given, expected {shape}")
+            # NaN is a lost value; words of 16 bits can express no infinity.
             if np.isinf(array).any():
                 raise TwinError(f"{channel} has infinite values; expected numbers, or NaN where one was lost")
             array.setflags(write=False)
@@ -87,12 +100,12 @@ class BusRecord:
     @classmethod
     def from_columns(cls, name: str, dt: float, axes: Sequence[str], table: np.ndarray) -> "BusRecord":
         """Return the record of a test from a table with one column for each of `COLUMNS` (N, 22)."""
-        parts, start = {}, 0
+        channels, start = {}, 0
         for channel, (names, _) in CHANNELS.items():
-            part = table[:, start : start + len(names)]
-            parts[channel] = part if len(names) > 1 else part[:, 0]
+            columns = table[:, start : start + len(names)]
+            channels[channel] = columns if len(names) > 1 else columns[:, 0]
             start += len(names)
-        return cls(name=name, dt=dt, axes=tuple(axes), **parts)
+        return cls(name=name, dt=dt, axes=tuple(axes), **channels)
 
     def columns(self) -> np.ndarray:
         """Return all values, one column for each of `COLUMNS` (N, 22)."""
@@ -124,27 +137,31 @@ class BusRecord:
         Raises:
             TwinError: Unknown joint, none named where the record does not excite just one, or nothing left.
         """
-        chosen = (self._excited(),) if joints is None else (joints,) if isinstance(joints, str) else tuple(joints)
+        if joints is None:
+            joints = self._excited()
+        chosen = (joints,) if isinstance(joints, str) else tuple(joints)
         columns = [joint_index(joint) for joint in chosen]
-        u, y = self.commanded[:, columns], self.measured[:, columns]
-        known = np.concatenate(([False], np.isfinite(u).all(axis=1), [False]))
-        starts, stops = (np.flatnonzero(np.diff(known.astype(int)) == step) for step in (1, -1))
-        stretches = [(a, b) for a, b in zip(starts, stops, strict=True) if np.isfinite(y[a:b]).any()]
-        if not stretches:
-            raise TwinError(f"{self.name}: no sample of {', '.join(chosen)} is left of {len(self)}")
-        return tuple(
-            IOData(
-                u[a:b],
-                y[a:b],
+        commands, measurements = self.commanded[:, columns], self.measured[:, columns]
+        parts = []
+        for stretch in _stretches(np.isfinite(commands).all(axis=1)):
+            inputs, outputs = commands[stretch], measurements[stretch]
+            # Nothing can be estimated from commands alone.
+            if not np.isfinite(outputs).any():
+                continue
+            record = IOData(
+                inputs,
+                outputs,
                 self.dt,
                 input_names=tuple(f"{joint} commanded" for joint in chosen),
                 output_names=tuple(f"{joint} measured" for joint in chosen),
                 input_units=("rad",) * len(chosen),
                 output_units=("rad",) * len(chosen),
-                missing=bool(np.isnan(y[a:b]).any()),
+                missing=bool(np.isnan(outputs).any()),
             )
-            for a, b in stretches
-        )
+            parts.append(record)
+        if not parts:
+            raise TwinError(f"{self.name}: no sample of {', '.join(chosen)} is left of {len(self)}")
+        return tuple(parts)
 
     def iodata(self, joint: str | None = None) -> IOData:
         """Return one joint's command and measurement as one record.
@@ -158,14 +175,14 @@ class BusRecord:
         Raises:
             TwinError: As `parts`, or commands were lost in between.
         """
-        parts = self.parts(joint)
-        if len(parts) > 1:
+        records = self.parts(joint)
+        if len(records) > 1:
             ticks = np.flatnonzero(np.isnan(self.commanded).any(axis=1))
             raise TwinError(
                 f"{self.name}: {len(ticks)} commands were lost between ticks {ticks[0]} and {ticks[-1]}; an input must "
-                f"be complete: take the {len(parts)} parts"
+                f"be complete: take the {len(records)} parts"
             )
-        return parts[0]
+        return records[0]
 
     def _excited(self) -> str:
         if len(self.axes) == 1 and self.axes[0] in JOINTS:
@@ -180,7 +197,8 @@ class BusRecord:
         variables = {name: Variable((name,), values, {}) for name, values in coordinates.items()}
         for name, (_, units) in CHANNELS.items():
             dims = ("sample", *dimensions.get(name, ()))
-            variables[name] = Variable(dims, getattr(self, name), {"units": ", ".join(dict.fromkeys(units))})
+            different_units = ", ".join(dict.fromkeys(units))
+            variables[name] = Variable(dims, getattr(self, name), {"units": different_units})
         attributes: dict[str, Attribute] = {
             "title": self.name,
             "format": FORMAT,

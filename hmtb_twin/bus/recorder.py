@@ -26,4 +26,5 @@ def read_resolvers(angles: np.ndarray, noise: np.ndarray, parameters: Recorder, 
 def delayed(readings: np.ndarray, delays: np.ndarray) -> np.ndarray:
     """Return readings (N, 7) delayed by samples (7,) per joint, as in the bus record; at rest before the first tick."""
     ticks = np.arange(len(readings))[:, None] - delays
+    # The arm rests before the first tick: the first reading stands for those before it.
     return np.take_along_axis(readings, np.maximum(ticks, 0), axis=0)

@@ -1,7 +1,7 @@
 """Runs of the 1553 recorder, up to five tests in twenty minutes of memory, as Chapter 10 files."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
 from pathlib import Path
@@ -93,35 +93,54 @@ def record_run(
     # Tests begin at whole seconds, because time packets do.
     start, used = CLOCK, 0
     tests, starts, announcements = [], [], []
-    full, clipping = "", []
-    for number, record in enumerate(records, start=1):
+    memory_full, remarks = "", []
+    faults = faults or BusFaults()
+    for test, record in enumerate(records, start=1):
         length = min(len(record), MEMORY - used)
-        if length < len(record):
-            left_out = sum(map(len, records[number - 1 :])) - length
-            full = full or (
+        # Only the first test that is cut is named; its number of missing ticks includes those of all later ones.
+        if length < len(record) and not memory_full:
+            left_out = sum(map(len, records[test - 1 :])) - length
+            memory_full = (
                 f"memory full at tick {length} of {record.name} after {MEMORY} ticks in all; "
                 f"the other {left_out} ticks were not recorded"
             )
-        frames, sent = pack(record, number, start)
-        clipped = np.flatnonzero(sum(frames[message.name]["data"][:length, -3] != 0 for message in MESSAGES))
+        frames, sent = pack(record, test, start)
+        frames, sent = frames[:length], sent[:length]
+        clipped = _clipped_ticks(frames)
         if len(clipped):
-            clipping.append(
+            remarks.append(
                 f"values of {record.name} stand at the end of their words' range at {len(clipped)} ticks, "
                 f"from {clipped[0]} to {clipped[-1]}"
             )
-        tests.append((faults or BusFaults()).apply(frames[:length], sent[:length], number))
+        tests.append(faults.apply(frames, sent, test))
         starts.append(start)
         announcements.append(Test(record.name, length, record.axes, len(record)))
         used += length
+        # The next whole second, and one of rest.
         start += (length // SAMPLE_RATE + 2) * CLOCK
+    _write(path, recording(setup_record(announcements), tests, starts, date))
+    if memory_full:
+        remarks.append(memory_full)
+    message = f"{path.name}: {'; '.join(remarks)}" if remarks else ""
+    return RecordedRun(path, tuple(announcement.ticks for announcement in announcements), message)
+
+
+def _clipped_ticks(frames: np.ndarray) -> np.ndarray:
+    """Return the ticks at which a message says that a value is outside the range of its word."""
+    clipped = np.zeros(len(frames), bool)
+    for message in MESSAGES:
+        # The third word from the end is `saturated`; CRC and checksum follow it.
+        clipped |= frames[message.name]["data"][:, -3] != 0
+    return np.flatnonzero(clipped)
+
+
+def _write(path: Path, packets: Iterable[bytes]) -> None:
     try:
         with replacing(path) as partial, partial.open("wb") as file:
-            for packet in recording(setup_record(announcements), tests, starts, date):
+            for packet in packets:
                 file.write(packet)
     except OSError as error:
         raise TwinError(f"cannot write the record {path}: {system_reason(error)}") from error
-    remarks = "; ".join([*clipping, *([full] if full else [])])
-    return RecordedRun(path, tuple(test.ticks for test in announcements), f"{path.name}: {remarks}" if remarks else "")
 
 
 def read_run(path: str | Path) -> BusRun:
@@ -141,36 +160,47 @@ def read_run(path: str | Path) -> BusRun:
     except OSError as error:
         raise TwinError(f"cannot read {path}: {error.strerror or error}") from error
     contents = scan(data)
-    setups = [tests for text in contents.setups if (tests := read_setup(text))]
-    if len(setups) > 1:
-        raise TwinError(f"{path.name} holds {len(setups)} recordings; expected one")
+    announced = _announced_tests(path, contents)
     valid, flagged = _valid_messages(data, contents.offsets)
     lengths = _lengths(valid)
     if not lengths:
         packets = f"{contents.packets} whole packets" if contents.packets else "no Chapter 10 packet"
         raise TwinError(f"{path.name}: no message of the arm's bus; the file has {packets} in {len(data)} bytes")
-    known = setups[0] if setups else ()
-    records, missing = [], []
-    for n in range(1, max(len(known), *lengths) + 1):
-        plan = known[n - 1] if n <= len(known) else None
-        length = max(plan.ticks if plan else 0, lengths.get(n, 0))
-        part = {name: rows[rows["data"][:, 1] == n] for name, rows in valid.items()}
-        record = unpack(part, plan.name if plan else f"test-{n}", plan.axes if plan else (), length, SAMPLE_TIME)
-        records.append(record)
-        missing.append({name: length - len(rows) for name, rows in part.items()})
-    lost = sum(sum(counts.values()) for counts in missing)
-    missing_line = _missing_line(path.name, records, lost, flagged, contents, has_setup=bool(known))
-    short = [
-        f"{t.name} was to have {t.planned} ticks, of which the memory held {t.ticks}"
-        for t in known
-        if t.planned > t.ticks
-    ]
-    return BusRun(tuple(records), lost, "; ".join(([missing_line] if missing_line else []) + short))
+    records, lost = [], 0
+    for n in range(1, max(len(announced), *lengths) + 1):
+        # Where the set-up record is lost, the messages alone tell how many tests there were and how long.
+        test = announced[n - 1] if n <= len(announced) else Test(f"test-{n}", 0, (), 0)
+        length = max(test.ticks, lengths.get(n, 0))
+        messages = {name: rows[_test_numbers(rows) == n] for name, rows in valid.items()}
+        records.append(unpack(messages, test.name, test.axes, length, SAMPLE_TIME))
+        lost += sum(length - len(rows) for rows in messages.values())
+    remarks = []
+    missing_line = _missing_line(path.name, records, lost, flagged, contents, has_setup=bool(announced))
+    if missing_line:
+        remarks.append(missing_line)
+    for test in announced:
+        if test.planned > test.ticks:
+            remarks.append(f"{test.name} was to have {test.planned} ticks, of which the memory held {test.ticks}")
+    return BusRun(tuple(records), lost, "; ".join(remarks))
+
+
+def _announced_tests(path: Path, contents: Scan) -> tuple[Test, ...]:
+    """Return the tests of a recording's set-up record; none if it is lost or damaged."""
+    setups = [tests for tests in map(read_setup, contents.setups) if tests]
+    if len(setups) > 1:
+        raise TwinError(f"{path.name} holds {len(setups)} recordings; expected one")
+    return setups[0] if setups else ()
+
+
+def _test_numbers(rows: np.ndarray) -> np.ndarray:
+    """Return the test that each message belongs to (n,); the word before it is the tick."""
+    return np.asarray(rows["data"][:, 1])
 
 
 def _valid_messages(data: bytes, offsets: np.ndarray) -> tuple[dict[str, np.ndarray], Counter[str]]:
     """Return the valid messages by name, and the number of flagged ones by fault."""
     raw = np.frombuffer(data, np.uint8)
+    # Of each message the words behind its time stamp: block status, gap times, length, command.
     offsets = offsets[offsets + INTRA_PACKET_HEADER + 2 <= len(raw)]
     heads = raw[offsets[:, None] + np.arange(8, INTRA_PACKET_HEADER + 2)].view("<u2")
     block_status, length, command = heads[:, 0], heads[:, 2], heads[:, 3]
@@ -178,48 +208,56 @@ def _valid_messages(data: bytes, offsets: np.ndarray) -> tuple[dict[str, np.ndar
     flagged: Counter[str] = Counter()
     for word in block_status[fault]:
         flagged[next(name for bit, name in FAULTS.items() if word & bit)] += 1
-    good = {}
+    fault_free = (block_status & ~np.uint16(BUS_B)) == 0
+    valid = {}
     for message in MESSAGES:
-        kind = layout(message)
-        fits = ((block_status & ~np.uint16(BUS_B)) == 0) & (length == message.length) & (command == message.command)
-        at = offsets[fits & (offsets + kind.itemsize <= len(raw))]
-        rows = np.ascontiguousarray(raw[at[:, None] + np.arange(kind.itemsize)]).view(kind)[:, 0]
+        size = layout(message).itemsize
+        fits = fault_free & (length == message.length) & (command == message.command)
+        begins = offsets[fits & (offsets + size <= len(raw))]
+        rows = np.ascontiguousarray(raw[begins[:, None] + np.arange(size)]).view(layout(message))[:, 0]
         words = rows["data"].astype(np.uint16)
         sound = (rows["status"] == message.status) & (check_words(words[:, :-2]) == words[:, -2:]).all(axis=1)
         sound &= (words[:, 1] >= 1) & (words[:, 1] <= TESTS_PER_RUN)
-        good[message.name] = rows[sound]
-    return _of_one_clock(good), flagged
+        valid[message.name] = rows[sound]
+    return _of_one_clock(valid), flagged
 
 
-def _of_one_clock(good: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _of_one_clock(messages: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Drop messages whose time stamp contradicts their tick, and ticks whose messages contradict each other."""
-    starts = {m.name: _start(good[m.name], m.slot) for m in MESSAGES}
-    numbers = np.concatenate([rows["data"][:, 1] for rows in good.values()])
-    every = np.concatenate(list(starts.values()))
-    kept = {}
-    for name, rows in good.items():
-        agree = np.zeros(len(rows), bool)
-        for n in np.unique(numbers):
-            values, counts = np.unique(every[numbers == n], return_counts=True)
-            agree |= (rows["data"][:, 1] == n) & (starts[name] == values[np.argmax(counts)])
-        rows = np.unique(rows[agree])
-        key = rows["data"][:, 1].astype(np.int64) << 16 | rows["data"][:, 0]
-        _, index, counts = np.unique(key, return_inverse=True, return_counts=True)
-        kept[name] = rows[counts[index] == 1]
-    return kept
+    starts = {message.name: _test_starts(messages[message.name], message.slot) for message in MESSAGES}
+    all_tests = np.concatenate([_test_numbers(rows) for rows in messages.values()])
+    all_starts = np.concatenate(list(starts.values()))
+    agreed = {}
+    for test in np.unique(all_tests):
+        # Most messages of a test agree on its start: those with a wrong stamp are few, and differ among themselves.
+        values, counts = np.unique(all_starts[all_tests == test], return_counts=True)
+        agreed[test] = values[np.argmax(counts)]
+    consistent = {}
+    for name, rows in messages.items():
+        agrees = np.zeros(len(rows), bool)
+        for test, start in agreed.items():
+            agrees |= (_test_numbers(rows) == test) & (starts[name] == start)
+        # Copies of one message are equal and count once; different messages of one tick are all doubtful.
+        rows = np.unique(rows[agrees])
+        test_and_tick = _test_numbers(rows).astype(np.int64) << 16 | rows["data"][:, 0]
+        _, index, counts = np.unique(test_and_tick, return_inverse=True, return_counts=True)
+        consistent[name] = rows[counts[index] == 1]
+    return consistent
 
 
-def _start(rows: np.ndarray, slot: int) -> np.ndarray:
+def _test_starts(rows: np.ndarray, slot: int) -> np.ndarray:
+    """Return the counter at the first tick of its test that follows from stamp and tick of each message (n,)."""
     return rows["stamp"].astype(np.int64) - slot - COUNTS_PER_TICK * rows["data"][:, 0].astype(np.int64)
 
 
-def _lengths(good: dict[str, np.ndarray]) -> dict[int, int]:
+def _lengths(messages: dict[str, np.ndarray]) -> dict[int, int]:
     """Return the number of ticks up to the last valid message of each test."""
     lengths: dict[int, int] = {}
-    for rows in good.values():
-        for n in np.unique(rows["data"][:, 1]):
-            last = int(rows["data"][rows["data"][:, 1] == n, 0].max()) + 1
-            lengths[int(n)] = max(lengths.get(int(n), 0), last)
+    for rows in messages.values():
+        tests, ticks = _test_numbers(rows), rows["data"][:, 0]
+        for test in map(int, np.unique(tests)):
+            length = int(ticks[tests == test].max()) + 1
+            lengths[test] = max(lengths.get(test, 0), length)
     return lengths
 
 
@@ -233,16 +271,17 @@ def _missing_line(
     reasons = [f"{count} flagged {fault}" for fault, count in flagged.most_common()]
     if damaged:
         end = ", which is cut off" if contents.cut else ""
-        reasons.append(f"{damaged} damaged part{'s' if damaged > 1 else ''} of the file{end}")
+        parts = "parts" if damaged > 1 else "part"
+        reasons.append(f"{damaged} damaged {parts} of the file{end}")
     if not has_setup:
         reasons.append("the set-up record is lost, and with it the names and lengths of the tests")
     total = len(MESSAGES) * sum(map(len, records))
-    text = f"{name}: {lost} of {total} messages are missing"
-    spans = [(record.name, np.flatnonzero(record.lost)) for record in records]
-    spans = [(test, ticks) for test, ticks in spans if len(ticks)]
-    if spans:
-        (first, a), (last, b) = spans[0], spans[-1]
-        text += f", the first at tick {a[0]} of {first}, the last at tick {b[-1]} of {last}"
+    line = f"{name}: {lost} of {total} messages are missing"
+    incomplete = [record for record in records if record.lost.any()]
+    if incomplete:
+        first, last = incomplete[0], incomplete[-1]
+        first_tick, last_tick = np.flatnonzero(first.lost)[0], np.flatnonzero(last.lost)[-1]
+        line += f", the first at tick {first_tick} of {first.name}, the last at tick {last_tick} of {last.name}"
     if reasons:
-        text += f" ({'; '.join(reasons)})"
-    return text + "; every other message was read"
+        line += f" ({'; '.join(reasons)})"
+    return line + "; every other message was read"

@@ -74,20 +74,19 @@ class Message:
     @property
     def words(self) -> tuple[Word, ...]:
         """The data words in their sequence."""
-        values = (
-            Word(name, unit, step, "two's complement")
-            for name, unit, step in zip(self.quantities, self.units, self.steps, strict=True)
-        )
-        status = (Word("status", "1", None, "flags of the control computer"),) if self.has_status else ()
-        return (
+        words = [
             Word("tick", "20 ms", None, "time tag: ticks since the test began"),
             Word("test", "1", None, "number of the test in the run, from 1"),
-            *values,
-            *status,
-            Word("saturated", "1", None, f"bit k: {self.quantities[0]}, ... is outside the range of its word"),
-            Word("crc", "1", None, "CRC-16 of the words before it, polynomial 1021, start FFFF"),
-            Word("checksum", "1", None, "rotated exclusive or of the words before it"),
-        )
+        ]
+        for name, unit, step in zip(self.quantities, self.units, self.steps, strict=True):
+            words.append(Word(name, unit, step, "two's complement"))
+        if self.has_status:
+            words.append(Word("status", "1", None, "flags of the control computer"))
+        saturated = f"bit k: {self.quantities[0]}, ... is outside the range of its word"
+        words.append(Word("saturated", "1", None, saturated))
+        words.append(Word("crc", "1", None, "CRC-16 of the words before it, polynomial 1021, start FFFF"))
+        words.append(Word("checksum", "1", None, "rotated exclusive or of the words before it"))
+        return tuple(words)
 
     @property
     def count(self) -> int:
@@ -97,6 +96,7 @@ class Message:
     @property
     def command(self) -> int:
         """The command word: terminal, transmit bit, subaddress, word count [MilStd1978, 4.3.3.5.1]."""
+        # Five bits count the words; 32 are coded as zero.
         return self.terminal << 11 | self.transmits << 10 | self.subaddress << 5 | self.count % 32
 
     @property
@@ -164,18 +164,21 @@ def crc(words: np.ndarray) -> np.ndarray:
     Returns:
         The checks (N,).
     """
-    rest = np.full(len(words), 0xFFFF, np.uint16)
+    remainder = np.full(len(words), 0xFFFF, np.uint16)
+    # Column by column: all messages at once, a byte at a time through the table of Sarwate's method.
     for word in words.T:
         for octet in (word >> 8, word & 0xFF):
-            rest = (rest << 8) ^ _CRC_TABLE[(rest >> 8) ^ octet]
-    return rest
+            remainder = (remainder << 8) ^ _CRC_TABLE[(remainder >> 8) ^ octet]
+    return remainder
 
 
 def _crc_table() -> np.ndarray:
-    rest = np.arange(256, dtype=np.uint16) << 8
+    remainder = np.arange(256, dtype=np.uint16) << 8
     for _ in range(8):
-        rest = np.where(rest & 0x8000, (rest << 1) ^ 0x1021, rest << 1).astype(np.uint16)
-    return rest
+        shifted = remainder << 1
+        # x^16 leaves the register at the top; 0x1021 is the rest of the polynomial.
+        remainder = np.where(remainder & 0x8000, shifted ^ 0x1021, shifted).astype(np.uint16)
+    return remainder
 
 
 _CRC_TABLE = _crc_table()
@@ -190,7 +193,9 @@ def checksum(words: np.ndarray) -> np.ndarray:
     """
     wide = words.astype(np.uint32)
     shifts = np.arange(words.shape[1], dtype=np.uint32) % 16
+    # Rotations of 16 bits, in 32 so that nothing is shifted out.
     total = np.bitwise_xor.reduce((wide >> shifts | wide << (16 - shifts)) & 0xFFFF, axis=1)
+    # The checksum's own rotation, to the right, is undone to the left.
     turn = words.shape[1] % 16
     return ((total << turn | total >> (16 - turn)) & 0xFFFF).astype(np.uint16)
 
@@ -204,11 +209,14 @@ def interface_control_table() -> Iterator[str]:
         title = (
             f"**{message.name}**, RT {message.terminal}, SA {message.subaddress}, {way}, command {message.command:04X}"
         )
-        for number, word in enumerate(message.words, start=1):
+        for position, word in enumerate(message.words, start=1):
             if word.step is None:
                 scale, span = "1", "0 to 65535"
             else:
-                scale = f"{word.step:.9g}" + (" (180/32768 deg)" if word.unit == "rad" else "")
+                scale = f"{word.step:.9g}"
                 span = f"{LOWEST * word.step:.7g} to {HIGHEST * word.step:.7g}"
-            yield f"| {title} | {number} | `{word.name}` | {word.unit} | {scale} | {span} | {word.meaning} |"
+                if word.unit == "rad":
+                    scale += " (180/32768 deg)"
+            yield f"| {title} | {position} | `{word.name}` | {word.unit} | {scale} | {span} | {word.meaning} |"
+            # The rows below belong to the same message.
             title = ""
