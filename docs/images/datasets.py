@@ -22,8 +22,8 @@ from scenarios.datasets import DataRecord, DataSet, open_data_set
 from scenarios.datasets.arm_truth import read_arm
 from scenarios.datasets.build import build
 from scenarios.datasets.plan import arm_file
-from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.spec_tables import PARTS, BaselineSpec, TruthSpec
+from scenarios.datasets.record_block import PARTS
+from scenarios.datasets.spec import BaselineSpec, DataSetSpec, TruthSpec, shipped
 from scenarios.report.figures import save_figure
 from sysid.plots.palette import GRID, PALETTE
 

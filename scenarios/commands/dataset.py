@@ -256,7 +256,7 @@ def baselines(
     from scenarios.datasets.baselines import BaselineData, differences, report
     from scenarios.datasets.data_set import open_data_set
     from scenarios.datasets.plan import BASELINES
-    from scenarios.datasets.spec_tables import Method
+    from scenarios.datasets.spec import Method
     from scenarios.datasets.tables import read_table
 
     if method is None and orders:

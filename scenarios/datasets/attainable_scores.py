@@ -20,8 +20,7 @@ from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.experiment_file import stored_log
 from scenarios.datasets.plan import ATTAINABLE, DataSetPlan, PlannedExperiment
 from scenarios.datasets.score import in_metric
-from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import Scoring
+from scenarios.datasets.spec import DataSetSpec, Scoring
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.attainable import Attainable, attainable

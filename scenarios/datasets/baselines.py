@@ -19,8 +19,9 @@ from hmtb_twin.files.hashes import file_hash
 from scenarios.datasets.arm_truth import StoredArm, read_arm
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file
+from scenarios.datasets.record_block import PARTS
 from scenarios.datasets.score import Scores, score_outputs
-from scenarios.datasets.spec_tables import PARTS, BaselineSpec, Method
+from scenarios.datasets.spec import BaselineSpec, Method
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions

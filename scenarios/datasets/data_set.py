@@ -14,8 +14,8 @@ import numpy as np
 from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets.index import hash_of_records, read_index
 from scenarios.datasets.plan import INDEX, SPEC, TRUTH, UNFINISHED, ListedExperiment
+from scenarios.datasets.record_block import PARTS
 from scenarios.datasets.spec import DataSetSpec, load_spec
-from scenarios.datasets.spec_tables import PARTS
 from scenarios.experiments.scenario import NAME
 from scenarios.files.errors import DAMAGE, ScenarioError, unknown
 from sysid import IOData

@@ -22,8 +22,8 @@ from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE
 from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.index import hash_of_records, paths_of_files
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
-from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import PARTS, PAYLOAD, UNITS
+from scenarios.datasets.record_block import PARTS, PAYLOAD
+from scenarios.datasets.spec import UNITS, DataSetSpec
 from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.scenario import Scenario
 from scenarios.experiments.waveform import POINTS

@@ -4,20 +4,17 @@ from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from itertools import chain, product
-from typing import Any, NamedTuple
+from itertools import chain
+from typing import Any
 
 import numpy as np
 
-from hmtb_twin import STUDIED_JOINTS, Experiment, Plant, Specimen
+from hmtb_twin import Experiment, Specimen
 from hmtb_twin.parameters.specimen_draw import TwinDistributions, draw_specimen
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
+from scenarios.datasets.record_block import Template, templates, with_waveform_seed
 from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import PAYLOAD, RecordBlock
-from scenarios.experiments.excitation_computer import Excitation
-from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
-from scenarios.experiments.registry import load, names, tags
-from scenarios.experiments.scenario import Scenario
+from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.files.errors import ScenarioError
 
 # The folder of a data set. A copy may lack TRUTH, which only a simulation knows.
@@ -112,39 +109,6 @@ def arm_file(arm: str) -> str:
     return f"{TRUTH}/arms/{arm}.nc"
 
 
-class _Template(NamedTuple):
-    """An experiment without its twin and its seeds.
-
-    Seeds follow from `key`, which is the same whatever else the spec asks for; marks and digits in `name` depend on
-    how many other experiments there are.
-    """
-
-    name: str
-    key: str
-    block: RecordBlock
-    experiment: Scenario | MultisineExperiment
-    joints: tuple[str, ...]
-
-
-class _Conditions(NamedTuple):
-    """What makes an arm and its surroundings; a block lists values of each, and runs on every combination."""
-
-    variant: str
-    payload: str
-    pose: str
-    actuator: str
-    friction: str
-    process_noise: float
-
-
-class _Measurement(NamedTuple):
-    """An experiment on the nominal arm, with the key of its measurement, which all records of it share."""
-
-    name: str
-    key: str
-    experiment: Scenario | MultisineExperiment
-
-
 class DataSetPlan:
     """The experiments of a spec in order: all of one twin, then all of the next.
 
@@ -156,7 +120,7 @@ class DataSetPlan:
     def __init__(self, spec: DataSetSpec) -> None:
         self.spec = spec
         self.twins = spec.twins.count if spec.twins else 1
-        self._templates = tuple(chain.from_iterable(map(_templates, spec.records)))
+        self._templates = tuple(chain.from_iterable(map(templates, spec.records)))
         counts = Counter(template.name for template in self._templates)
         repeated = [name for name, count in counts.items() if count > 1]
         if repeated:
@@ -212,7 +176,7 @@ class DataSetPlan:
         """Length of all records together, s."""
         return self.twins * sum(template.experiment.duration for template in self._templates)
 
-    def _experiment(self, template: _Template, name: str, twin: int | None) -> Experiment:
+    def _experiment(self, template: Template, name: str, twin: int | None) -> Experiment:
         """The experiment of a template with its twin, its seed and its random waveforms."""
         if self.spec.withheld:
             # Its seed is withheld: nothing random is known of it.
@@ -231,7 +195,7 @@ class DataSetPlan:
             plant = replace(experiment.plant, **plant_changes)  # type: ignore[arg-type]
             experiment = replace(experiment, specimen=specimen, plant=plant)
         if template.block.draw_waveforms:
-            return _with_waveform_seed(experiment, waveform_seed)
+            return with_waveform_seed(experiment, waveform_seed)
         return experiment
 
     def _seeds_of(self, key: str) -> tuple[int, int]:
@@ -245,7 +209,7 @@ class DataSetPlan:
         return int(noise_seed), int(waveform_seed)
 
 
-def _check_template(template: _Template, window: int) -> None:
+def _check_template(template: Template, window: int) -> None:
     """Refuse an experiment that makes no record, a record of two arms, or one that cannot be scored."""
     duration = template.experiment.duration
     samples = round(duration * SAMPLE_RATE)
@@ -262,7 +226,7 @@ def _check_template(template: _Template, window: int) -> None:
         )
 
 
-def _arm_numbers(templates: Iterable[_Template]) -> list[int]:
+def _arm_numbers(templates: Iterable[Template]) -> list[int]:
     """Number the arms under their conditions in the order in which the templates first use them; one per template."""
     number_of_arm: dict[Hashable, int] = {}
     arm_numbers = []
@@ -273,135 +237,7 @@ def _arm_numbers(templates: Iterable[_Template]) -> list[int]:
     return arm_numbers
 
 
-def _with_waveform_seed(experiment: Scenario | MultisineExperiment, seed: int) -> Scenario | MultisineExperiment:
-    """The experiment with random waveforms drawn from a seed, those of the axes from consecutive ones."""
-    if isinstance(experiment, MultisineExperiment):
-        return replace(experiment, multisines=replace(experiment.multisines, seed=seed))
-    seeded = []
-    for axis, excitation in enumerate(experiment.excitation):
-        if "seed" in excitation.parameters:
-            seeded.append(_with_parameter(excitation, "seed", seed + axis))
-        else:
-            seeded.append(excitation)
-    return replace(experiment, excitation=tuple(seeded))
-
-
 @lru_cache(maxsize=1)
 def _drawn_arm(distributions: TwinDistributions, seed: int, twin: int) -> tuple[Specimen, Mapping[str, float]]:
     """Specimen and plant of a twin, kept for the next experiment, which is mostly on the same twin."""
     return draw_specimen(distributions, np.random.SeedSequence([seed, twin]))
-
-
-def _templates(block: RecordBlock) -> Iterator[_Template]:
-    """The experiments of a block: each measurement on every combination of the conditions, repeated."""
-    # In the order of `_Conditions`.
-    arms = (block.variants, block.payloads, block.poses)
-    choices = (*arms, block.actuators, block.frictions, block.process_noises)
-    combinations = map(_Conditions._make, product(*choices))
-    for measurement, conditions, repeat in product(_measurements(block), combinations, range(block.repeats)):
-        experiment = measurement.experiment
-        joints = block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS
-        yield _Template(
-            name="-".join((measurement.name, *_condition_marks(block, choices, conditions, repeat))),
-            key=" | ".join((block.name, measurement.key, *map(str, conditions), f"repeat {repeat}")),
-            block=block,
-            experiment=_under_conditions(block, experiment, conditions),
-            joints=joints,
-        )
-
-
-def _condition_marks(
-    block: RecordBlock, choices: Iterable[tuple[Any, ...]], conditions: _Conditions, repeat: int
-) -> list[str]:
-    """Words that distinguish an experiment from others of its block: only of conditions that differ in it."""
-    words = (*conditions[:-1], f"noise{conditions.process_noise:g}")
-    marks = [word for word, values in zip(words, choices, strict=True) if len(values) > 1]
-    if block.repeats > 1:
-        marks.append(f"r{repeat + 1:0{len(str(block.repeats))}d}")
-    return marks
-
-
-def _under_conditions(
-    block: RecordBlock, experiment: Scenario | MultisineExperiment, conditions: _Conditions
-) -> Scenario | MultisineExperiment:
-    """The experiment on the arm and in the surroundings of its conditions."""
-    payload, pose = conditions.payload, conditions.pose
-    if block.scenarios:
-        # Registered scenarios have a payload and a pose of their own, unless the block names others.
-        if block.payloads == (PAYLOAD,):
-            payload = experiment.payload
-        if block.poses == (OPERATING_POSE,):
-            pose = experiment.pose
-    plant = Plant(actuator=conditions.actuator, friction=conditions.friction, process_noise=conditions.process_noise)
-    return replace(experiment, variant=conditions.variant, payload=payload, pose=pose, plant=plant)
-
-
-def _measurements(block: RecordBlock) -> Iterator[_Measurement]:
-    """What a block plays, on the nominal arm."""
-    if block.scenarios:
-        yield from _registered_measurements(block)
-        return
-    # Multisines have neither an excitation nor a duration of the block: theirs take the place of these.
-    excitation_or_any = block.excitation or (Excitation("white_noise"),)
-    duration_or_any = 1.0 if block.duration is None else block.duration
-    axes_played_together = [(axis,) for axis in block.axes] if block.each_axis else [block.axes]
-    for axes in axes_played_together:
-        name = f"{block.name}-{axes[0]}" if block.each_axis else block.name
-        setting = Scenario(
-            name=block.name,
-            axes=axes,
-            excitation=excitation_or_any,
-            duration=duration_or_any,
-            mode=block.mode,
-            independent_channels=True,
-            chain=block.chain,
-            hand_controller=block.hand_controller,
-        )
-        if block.multisines is not None:
-            yield from _multisine_measurements(block, block.multisines, name, setting)
-            continue
-        for mark, volts, excitation in _amplified(block, block.excitation):
-            experiment = replace(setting, excitation=excitation)
-            yield _Measurement(f"{name}{mark}", f"{' '.join(axes)} {volts}", experiment)
-
-
-def _registered_measurements(block: RecordBlock) -> Iterator[_Measurement]:
-    """Registered scenarios of a block, each at every amplitude."""
-    for name_or_tag in block.scenarios:
-        scenario_names = names(name_or_tag) if name_or_tag in tags() else (name_or_tag,)
-        for name in scenario_names:
-            scenario = load(name)
-            duration = scenario.duration if block.duration is None else block.duration
-            for mark, volts, excitation in _amplified(block, scenario.excitation):
-                experiment = replace(scenario, duration=duration, excitation=excitation)
-                yield _Measurement(f"{scenario.name}{mark}", f"{scenario.name} {volts}", experiment)
-
-
-def _multisine_measurements(
-    block: RecordBlock, multisines: Multisines, name: str, setting: Scenario
-) -> Iterator[_Measurement]:
-    """Records of the multisine measurement on the axes of a setting, at every amplitude of a block."""
-    for amplitude in block.amplitudes or (multisines.rms,):
-        mark = f"-{1000 * amplitude:g}mrad" if len(block.amplitudes) > 1 else ""
-        key = f"{' '.join(setting.axes)} {amplitude!r}"
-        experiments = multisine_experiments(setting, replace(multisines, rms=amplitude))
-        for number, experiment in enumerate(experiments, start=1):
-            yield _Measurement(f"{name}{mark}-{number:02d}", key, experiment)
-
-
-def _amplified(
-    block: RecordBlock, excitation: tuple[Excitation, ...]
-) -> Iterator[tuple[str, str, tuple[Excitation, ...]]]:
-    """The excitation at every amplitude of a block, with the mark of its name and the volts of its key."""
-    for amplitude in block.amplitudes or (None,):
-        mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
-        amplified = excitation
-        if amplitude is not None:
-            amplified = tuple(_with_parameter(signal, "amplitude", amplitude) for signal in excitation)
-        yield mark, " ".join(repr(signal.parameters.get("amplitude")) for signal in amplified), amplified
-
-
-def _with_parameter(excitation: Excitation, name: str, value: float) -> Excitation:
-    if name not in excitation.parameters:
-        raise ScenarioError(f"excitation {excitation.kind!r} has no {name}; given amplitudes for it")
-    return replace(excitation, parameters={**excitation.parameters, name: value})

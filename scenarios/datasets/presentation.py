@@ -5,7 +5,7 @@ from pathlib import Path
 
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.experiment_file import experiment_log
-from scenarios.datasets.spec_tables import PARTS
+from scenarios.datasets.record_block import PARTS
 from scenarios.experiments.presentation import Presentation, present_log
 from scenarios.experiments.recipe import Recipe
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
-from scenarios.datasets.spec_tables import UNITS, Scoring
+from scenarios.datasets.spec import UNITS, Scoring
 from scenarios.datasets.tables import read_rows
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import Estimate, Polynomials, StateSpace, SysidError

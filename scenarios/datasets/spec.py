@@ -1,4 +1,4 @@
-"""The spec of a data set: an immutable description, read from a TOML file."""
+"""The spec of a data set: an immutable description, read from a TOML file, with its tables."""
 
 import datetime
 import re
@@ -10,13 +10,195 @@ from importlib.resources import files
 from pathlib import Path
 from unicodedata import category
 
-from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, Scoring, TruthSpec, Twins, check_ranges
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.parameters.specimen_draw import TwinDistributions
+from scenarios.datasets.record_block import RecordBlock, check_ranges
 from scenarios.datasets.tables import read_text
 from scenarios.experiments.scenario import NAME
 from scenarios.experiments.waveform import check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
+from scenarios.identification.methods import ESTIMATORS
+from scenarios.identification.nonlinear_methods import NONLINEAR
+
+TRIVIAL = ("hold", "gain", "truth")
+"""Methods without orders: hold the last output of the window, a static gain, the small-signal truth."""
+
+USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "oe:3/3", "okid:2/5", "n4sid:3", "truth")
+"""The models of a spec that names none."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of identification with its orders.
+
+    Attributes:
+        name: One of `TRIVIAL`, an estimator of the command line, or one of `NONLINEAR`.
+        orders: Its orders, completed by their defaults.
+    """
+
+    name: str
+    orders: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.name in TRIVIAL:
+            if self.orders:
+                raise ScenarioError(f"method {self.name} given orders {self.orders}, expected none")
+            return
+        orders: Mapping[str, int | tuple[int, ...]]
+        if self.name in NONLINEAR:
+            orders = NONLINEAR[self.name].checked(self.name, self.orders)
+        elif self.name in ESTIMATORS:
+            orders = ESTIMATORS[self.name].complete(self.name, self.orders)
+        else:
+            raise ScenarioError(unknown("method", self.name, (*TRIVIAL, *ESTIMATORS, *NONLINEAR)))
+        # The dataclass is frozen; the same method with its defaults written out must be equal to it.
+        object.__setattr__(self, "orders", tuple(orders.values()))
+
+    @classmethod
+    def parsed(cls, method: str) -> "Method":
+        """Read a method as specs write it, ``"oe:2/2/1"``.
+
+        Raises:
+            ScenarioError: Unknown method, or other orders than it takes.
+        """
+        name, colon, orders = method.partition(":")
+        words = orders.split("/") if colon else []
+        # `isdigit` alone lets other scripts' digits pass, and no order has five.
+        if not all(word.isascii() and word.isdigit() and len(word) < 5 for word in words):
+            raise ScenarioError(f"baseline {method!r}: expected a method with its orders, as in oe:2/2/1")
+        return cls(name, tuple(int(word) for word in words))
+
+    def __str__(self) -> str:
+        """The method as specs write it."""
+        if not self.orders:
+            return self.name
+        return f"{self.name}:{'/'.join(map(str, self.orders))}"
+
+
+@dataclass(frozen=True)
+class BaselineSpec:
+    """The baselines that a data set is published with.
+
+    Attributes:
+        models: Methods with their orders, each a row of the table.
+        twins: Number of randomised twins, evenly over them all, that models are identified for; 0: all.
+        records: Records of each block of the training part, by arm and joints, that are used; 0: all.
+    """
+
+    models: tuple[str, ...] = USUAL
+    twins: int = 10
+    records: int = 0
+
+    def __post_init__(self) -> None:
+        if len(set(self.methods)) < len(self.models):
+            raise ScenarioError(f"baselines: models = {self.models} given, expected each once")
+        check_ranges("baselines", self, {"twins": (0, 10**7), "records": (0, 10**7)})
+
+    @property
+    def methods(self) -> tuple[Method, ...]:
+        """The models as methods."""
+        return tuple(Method.parsed(model) for model in self.models)
+
+
+@dataclass(frozen=True)
+class TruthSpec:
+    """The truth that is published beyond matrices and noise floors, which every data set has.
+
+    Attributes:
+        amplitudes: Amplitudes at which the linear model of every arm is tried against simulation, rad; this takes most
+            of a second per arm.
+        best_linear: Blocks of records for whose arm, joints and amplitude the best linear approximation is measured.
+        floors: Number of records of each block of the test part, by arm and joints, all twins together, for which the
+            floors of linear systems are searched. The noise of the recorder is stated for every record.
+        search_steps: Steps at most of each search for the linear system of the truth's order behind such a floor; 0: to
+            the end, which takes ten times as long and improves the floor by a few percent at most.
+        realisations: Number of realisations of the multisine that measures a best linear approximation. The data set's
+            own records of its class count; the rest is simulated.
+    """
+
+    amplitudes: tuple[float, ...] = ()
+    best_linear: tuple[str, ...] = ()
+    floors: int = 1
+    search_steps: int = 10
+    realisations: int = 8
+
+    def __post_init__(self) -> None:
+        if not all(0.0 < amplitude <= 1.0 for amplitude in self.amplitudes):
+            raise ScenarioError(f"truth: amplitudes = {self.amplitudes} given, expected above 0 and up to 1 rad")
+        for name in ("amplitudes", "best_linear"):
+            values = getattr(self, name)
+            if len(set(values)) < len(values):
+                raise ScenarioError(f"truth: {name} = {values} given, expected each once")
+        # Two realisations at least: the nonlinear distortion is estimated from the spread between them.
+        check_ranges("truth", self, {"floors": (0, 10**6), "search_steps": (0, 10**4), "realisations": (2, 10**4)})
+
+
+@dataclass(frozen=True)
+class Twins:
+    """Arms drawn at random; every experiment runs on each of them.
+
+    Attributes:
+        count: Number of arms.
+        distributions: Distributions of their parameters about those of the variant, and of their surroundings.
+    """
+
+    count: int
+    distributions: TwinDistributions = TwinDistributions()  # noqa: RUF009
+
+    def __post_init__(self) -> None:
+        check_ranges("twins", self, {"count": (1, 10**7)})
+
+    @classmethod
+    def from_table(cls, table: object) -> "Twins":
+        """Build it from parsed TOML: count, and a table of kind, spread and centre for each quantity.
+
+        Raises:
+            ScenarioError: No table, an unknown key, or a value of a wrong type or out of range.
+        """
+        if not isinstance(table, Mapping) or "count" not in table:
+            raise ScenarioError(f"twins must be a table with a count, given {table!r}")
+        try:
+            distributions = TwinDistributions.from_table({key: table[key] for key in table if key != "count"})
+        except TwinError as error:
+            raise ScenarioError(f"twins: {error}") from error
+        return cls(codec.structure(int, table["count"], "twins.count"), distributions)
+
+
+codec.register(Twins, Twins.from_table, lambda twins: {"count": twins.count, **codec.unstructure(twins.distributions)})
+
+METRICS = ("rmse", "nrmse", "fit")
+"""Root mean square error; that over the spread of the output in percent; 100 (1 - |error| / |y - mean y|) percent."""
+
+UNITS = {"rad": 1.0, "mrad": 1e3, "deg": 57.29577951308232}
+"""Units of a root mean square error, per rad."""
+
+
+@dataclass(frozen=True)
+class Scoring:
+    """The primary score of a data set.
+
+    Attributes:
+        metric: One of `METRICS`.
+        unit: Of the root mean square error, one of `UNITS`, mrad where none is given; of the others %.
+        steps: Prediction horizon, samples; 0: simulation, from inputs and the window alone.
+    """
+
+    metric: str = "rmse"
+    unit: str = ""
+    steps: int = 0
+
+    def __post_init__(self) -> None:
+        if self.metric not in METRICS:
+            raise ScenarioError(f"scoring: {unknown('metric', self.metric, METRICS)}")
+        usual_unit = "mrad" if self.metric == "rmse" else "%"
+        object.__setattr__(self, "unit", self.unit or usual_unit)
+        if self.metric != "rmse" and self.unit != "%":
+            raise ScenarioError(f"scoring: unit = {self.unit!r} given for {self.metric}, which is in %")
+        if self.metric == "rmse" and self.unit not in UNITS:
+            raise ScenarioError(f"scoring: {unknown('unit', self.unit, UNITS)}")
+        check_ranges("scoring", self, {"steps": (0, 10**6)})
 
 
 @dataclass(frozen=True)
@@ -52,9 +234,9 @@ class DataSetSpec:
     description: str = ""
     window: int = 100
     channels: str = "all"
-    scoring: Scoring = Scoring()  # noqa: RUF009
-    truth: TruthSpec = TruthSpec()  # noqa: RUF009
-    baselines: BaselineSpec = BaselineSpec()  # noqa: RUF009
+    scoring: Scoring = Scoring()
+    truth: TruthSpec = TruthSpec()
+    baselines: BaselineSpec = BaselineSpec()
     twins: Twins | None = None
     creators: tuple[str, ...] = ("The HMTB twin contributors",)
     keywords: tuple[str, ...] = ("system identification", "robotics", "hydraulics", "benchmark", "MuJoCo")

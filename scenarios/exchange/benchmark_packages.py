@@ -9,7 +9,7 @@ import numpy as np
 from hmtb_twin.files.atomic_write import working_folder
 from scenarios.datasets.canonical import load_dataset
 from scenarios.datasets.data_set import DataRecord, DataSet, Joints
-from scenarios.datasets.spec_tables import UNITS, Scoring
+from scenarios.datasets.spec import UNITS, Scoring
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from hmtb_twin.files.netcdf import Contents, read_netcdf
 from scenarios.datasets.data_set import DataRecord, DataSet
 from scenarios.datasets.metadata import ENVIRONMENT, LICENSE_URL, bibtex
 from scenarios.datasets.plan import LICENSE
+from scenarios.datasets.record_block import PARTS
 from scenarios.datasets.spec import shipped
-from scenarios.datasets.spec_tables import PARTS
 from scenarios.exchange.record_files import ExportColumn, columns
 from scenarios.files.errors import ScenarioError
 

@@ -100,7 +100,7 @@ def present_bus_record(path: Path, part: str) -> Presentation:
     names = [record.name for record in contents.records]
     record = contents.choose(part or names[0], path)
     joint = next((axis for axis in record.axes if axis in JOINTS), STUDIED_JOINTS[-1])
-    command = ("hmtb", "identify", str(path), "--joint", joint)
+    command: tuple[str, ...] = ("hmtb", "identify", str(path), "--joint", joint)
     arguments = f"{str(path)!r}, joint={joint!r}"
     if len(names) > 1:
         command = (*command, "--test", record.name)

@@ -13,8 +13,8 @@ from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios.commands.cli import main
 from scenarios.datasets import open_data_set
 from scenarios.datasets.build import build
-from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec, Twins
+from scenarios.datasets.record_block import RecordBlock
+from scenarios.datasets.spec import BaselineSpec, DataSetSpec, TruthSpec, Twins
 from scenarios.datasets.withhold import build_withheld
 from scenarios.experiments.campaign import NOMINAL
 from scenarios.experiments.excitation_computer import Excitation

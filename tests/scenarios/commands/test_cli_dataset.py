@@ -13,8 +13,7 @@ from scenarios.commands.cli import PROGRAMS
 from scenarios.datasets import open_data_set
 from scenarios.datasets.chunk import BuiltExperiment, run_chunk
 from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
-from scenarios.datasets.spec_tables import Twins
+from scenarios.datasets.spec import DataSetSpec, Twins, load_spec, shipped
 
 
 @pytest.mark.parametrize("words", [["dataset"], ["dataset", "--help"]])

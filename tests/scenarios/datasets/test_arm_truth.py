@@ -8,8 +8,7 @@ from hmtb_twin import Specimen, linearize, load_arm
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.arm_truth import arm_files, arm_joints, model_sha256, read_arm
 from scenarios.datasets.plan import DataSetPlan, arm_file
-from scenarios.datasets.spec import load_spec
-from scenarios.datasets.spec_tables import TruthSpec
+from scenarios.datasets.spec import TruthSpec, load_spec
 from tests.refusals import refused
 
 MATRICES = ("A", "B", "C", "D", "K", "innovation_covariance")

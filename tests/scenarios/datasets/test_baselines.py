@@ -18,7 +18,7 @@ from scenarios.datasets.baselines import BaselineData, baseline, dead_zone, diff
 from scenarios.datasets.build import build
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, DataSetPlan
 from scenarios.datasets.score import score, score_model
-from scenarios.datasets.spec_tables import BaselineSpec, Method, Scoring
+from scenarios.datasets.spec import BaselineSpec, Method, Scoring
 from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.excitation_computer import Excitation
 from tests.refusals import refused

@@ -22,8 +22,8 @@ from scenarios.datasets.best_linear_truth import (
 from scenarios.datasets.build import build
 from scenarios.datasets.data_set import open_data_set
 from scenarios.datasets.plan import DataSetPlan
-from scenarios.datasets.spec import DataSetSpec
-from scenarios.datasets.spec_tables import BaselineSpec, RecordBlock, TruthSpec
+from scenarios.datasets.record_block import RecordBlock
+from scenarios.datasets.spec import BaselineSpec, DataSetSpec, TruthSpec
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines, multisine_experiments
 from scenarios.truth.best_linear import best_linear

@@ -17,9 +17,9 @@ from PIL import Image
 
 from hmtb_twin.parameters.specimen_draw import TwinDistributions
 from scenarios.datasets.baselines import BaselineData, baseline
+from scenarios.datasets.record_block import RecordBlock
 from scenarios.datasets.score import score
-from scenarios.datasets.spec import DataSetSpec, shipped
-from scenarios.datasets.spec_tables import METRICS, UNITS, BaselineSpec, Method, RecordBlock, Scoring, TruthSpec
+from scenarios.datasets.spec import METRICS, UNITS, BaselineSpec, DataSetSpec, Method, Scoring, TruthSpec, shipped
 from scenarios.exchange.exporter import FORMATS, export
 from scenarios.experiments.multisines import Multisines
 from tests.benchmarks.tables import ROOT, environment

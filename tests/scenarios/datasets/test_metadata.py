@@ -16,8 +16,8 @@ from hmtb_twin.files.netcdf import read_netcdf
 from scenarios.datasets import metadata, open_data_set
 from scenarios.datasets.index import read_index
 from scenarios.datasets.metadata import ENVIRONMENT, METADATA, metadata_files
-from scenarios.datasets.spec import shipped
-from scenarios.datasets.spec_tables import RecordBlock, Twins
+from scenarios.datasets.record_block import RecordBlock
+from scenarios.datasets.spec import Twins, shipped
 from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import Multisines

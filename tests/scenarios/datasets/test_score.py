@@ -8,7 +8,7 @@ from scipy.io import savemat
 
 from hmtb_twin.files.netcdf import Contents, Variable
 from scenarios.datasets.score import Score, Scores, metric, score, score_model
-from scenarios.datasets.spec_tables import Scoring
+from scenarios.datasets.spec import Scoring
 from sysid import IOData, Polynomials, StateSpace
 from sysid.models import block_diagonal, innovations_form
 from sysid.validation import fit_percent

@@ -21,7 +21,7 @@ from scenarios.datasets.check import examine
 from scenarios.datasets.grade import Grade, grade_all
 from scenarios.datasets.plan import DataSetPlan
 from scenarios.datasets.score import Score, Scores, score_model
-from scenarios.datasets.spec_tables import Scoring
+from scenarios.datasets.spec import Scoring
 from scenarios.datasets.withhold import build_withheld, check_withholdable, read_persons, read_roster
 from scenarios.experiments.registry import names
 from sysid import oe, write_model
