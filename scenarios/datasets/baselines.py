@@ -303,6 +303,7 @@ def _empty_row(data: BaselineData, method: Method) -> dict[str, str]:
         "metric": spec.scoring.metric,
         "unit": spec.scoring.unit,
         "steps": str(spec.scoring.steps),
+        # There from the start: the first row names the columns of the table, and it may be one that failed.
         **dict.fromkeys((*to_fill, "trained_on", "twins", "failed"), ""),
         "software": software(),
         "command": join(["hmtb", "dataset", "baselines", spec.label, *options]),

@@ -20,6 +20,7 @@ from scenarios.truth.bla_of_test import joint_command, multisine_like
 
 def excitation_class(planned: PlannedExperiment) -> Hashable:
     """Return a key of what is played on which joints, how strongly, on which arm: equal for repeats and for twins."""
+    # The name of an arm begins with its twin: twin-3-arm-0.
     arm = planned.arm if planned.twin is None else planned.arm.partition("arm-")[2]
     experiment = planned.experiment
     signals: list[Mapping[str, object]]

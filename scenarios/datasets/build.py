@@ -100,6 +100,7 @@ def build(
     try:
         if not final.exists() and not final.is_symlink():
             _build_folder(folder, plan, executor, workers, rows, report)
+            # The name without the ending appears when everything is there.
             folder.rename(final)
         elif not (final / JOURNAL).is_file() and not _is_built(final, plan):
             raise ScenarioError(
@@ -145,6 +146,7 @@ def _build_folder(
     """Simulate all experiments into a folder, run the stages, and write index, metadata and checksums."""
     make_folder(folder)
     foreign = sorted(path.name for path in folder.iterdir())
+    # Every build begins with these two files.
     if foreign and not {JOURNAL, SPEC} & set(foreign):
         raise ScenarioError(
             f"{folder} holds no build but {', '.join(foreign[:SHOWN])}: expected an empty folder or none"

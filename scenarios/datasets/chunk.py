@@ -94,6 +94,7 @@ def run_chunk(
     """
     planned_experiments = {index: plan[index] for index in numbers}
     experiments = [planned.experiment for planned in planned_experiments.values()]
+    # One that fails does not end those beside it.
     result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
     failed, logs = result.failed, {log.name: log for log in result.logs}
     del result, experiments  # logs are dropped one by one, when their files are made

@@ -420,5 +420,6 @@ def _read_signals(path: Path, experiment: str, hashes: Mapping[str, str]) -> Sig
 
 def sampling_time(contents: Contents) -> Fraction:
     """Return the exact sampling time of a record, s."""
+    # A ratio, because 0.02 s is no binary fraction.
     numerator, denominator = (contents.attributes[f"sampling_time_{word}"] for word in ("numerator", "denominator"))
     return Fraction(int(numerator), int(denominator))

@@ -65,6 +65,7 @@ def data_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog) 
 
 def _with_flag_meanings(status: Variable) -> Variable:
     """The flags of the control computer with the meaning of their bits, as the CF conventions have it."""
+    # Computed, not in the table of variables, because they follow from `Status`.
     masks = np.array([flag.value for flag in Status], dtype=np.int64)
     meanings = " ".join(str(flag.name).lower() for flag in Status)
     return replace(status, attributes={**status.attributes, "flag_masks": masks, "flag_meanings": meanings})

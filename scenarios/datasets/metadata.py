@@ -49,6 +49,7 @@ ENVIRONMENT = Environment(
     lstrip_blocks=True,
     keep_trailing_newline=True,
 )
+# A bar or a line feed would end the cell of a table in Markdown.
 ENVIRONMENT.filters["cell"] = lambda value: " ".join(str(value).split()).replace("|", "\\|") or "-"
 ENVIRONMENT.filters["digits"] = lambda number: f"{float(number):.4g}" if number else "-"
 ENVIRONMENT.filters["short"] = lambda value: f"{value:.6g}"

@@ -201,6 +201,7 @@ def templates(block: RecordBlock) -> Iterator[Template]:
         joints = block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS
         yield Template(
             name="-".join((measurement.name, *_condition_marks(block, choices, conditions, repeat))),
+            # All conditions, also those that do not differ: an experiment keeps its seeds when the block gets others.
             key=" | ".join((block.name, measurement.key, *map(str, conditions), f"repeat {repeat}")),
             block=block,
             experiment=_under_conditions(block, experiment, conditions),

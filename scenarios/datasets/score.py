@@ -122,6 +122,7 @@ def score_model(model: Model | Callable[[DataRecord], Model], data_set: DataSet 
     opened = data_set if isinstance(data_set, DataSet) else open_data_set(data_set)
 
     def outputs(record: DataRecord) -> np.ndarray:
+        # A new one for each record: a function may return another model.
         predictor = as_predictor(_model_of(model, record))
         return predictor.predicted(record.iodata(), opened.spec.scoring.steps)
 

@@ -92,6 +92,7 @@ class BaselineSpec:
     records: int = 0
 
     def __post_init__(self) -> None:
+        # As methods, so that one with its defaults written out counts as the same.
         if len(set(self.methods)) < len(self.models):
             raise ScenarioError(f"baselines: models = {self.models} given, expected each once")
         check_ranges("baselines", self, {"twins": (0, 10**7), "records": (0, 10**7)})
@@ -166,6 +167,7 @@ class Twins:
         return cls(codec.structure(int, table["count"], "twins.count"), distributions)
 
 
+# In TOML the distributions stand beside the count, not in a table of their own.
 codec.register(Twins, Twins.from_table, lambda twins: {"count": twins.count, **codec.unstructure(twins.distributions)})
 
 METRICS = ("rmse", "nrmse", "fit")

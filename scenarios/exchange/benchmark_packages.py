@@ -103,6 +103,7 @@ def identibench_spec(name: str, *, joint: Joints | None = None, cache: str | Pat
         )
     channels, label = range(len(choices[0])), "-".join((name, *choices[0]))
     # Written here, not by IdentiBench's preparation, which would run a user's script again in another process.
+    # With the hash, so that records of another build do not pass for these.
     data = Dataset(f"{label}-{selected.records_hash[:8]}", prepare=None)
     if not data.path.is_dir():
         with working_folder(data.path.parent) as scratch:

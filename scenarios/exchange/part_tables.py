@@ -89,6 +89,7 @@ class PartTables:
             values = self._pa.array(present, field.type)
             # Behind the window of withheld outputs, and where the record has no such channel, cells are null.
             arrays.append(self._pa.concat_arrays([values, self._pa.nulls(count - len(values), field.type)]))
+        # Written as a row group: readers skip the records that they do not want.
         self._tables[record.part].write_table(self._pa.Table.from_arrays(arrays, schema=self._schema))
         self._rows[record.part] += count
         self._records[record.part] += 1

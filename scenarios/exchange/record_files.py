@@ -94,6 +94,7 @@ def mat(contents: Contents) -> bytes:
             units[name] = str(variable.attributes["units"])
     stream = io.BytesIO()
     about = {"units": units, "about": dict(contents.attributes)}
+    # Without long names a field of a structure has at most 31 letters.
     savemat(stream, variables | about, oned_as="column", do_compression=True, long_field_names=True)
     # SciPy's head contains the time of day; with this one equal records give equal files.
     head = b"MATLAB 5.0 MAT-file, a record of a data set of the HMTB twin".ljust(116)

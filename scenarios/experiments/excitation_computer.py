@@ -79,6 +79,7 @@ class Excitation:
     @property
     def misses_points(self) -> bool:
         """Whether the file is played faster than the position loop reads: it then misses points, and tones alias."""
+        # A rate of 50 Hz that was computed may be off by its last digit.
         return self.waveform().update_rate > SAMPLE_RATE * (1.0 + 1e-9)
 
     def to_table(self) -> dict[str, Any]:

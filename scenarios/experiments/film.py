@@ -128,6 +128,7 @@ def _write_mp4(pictures: Iterator[np.ndarray], path: Path, rate: float) -> None:
         stream = None
         for picture in pictures:
             if stream is None:
+                # Rates such as 29.97 per second are multiples of 1/1001.
                 stream = container.add_stream("libx264", rate=Fraction(rate).limit_denominator(1001))
                 stream.height, stream.width = picture.shape[0] // 2 * 2, picture.shape[1] // 2 * 2
                 stream.pix_fmt, stream.options = "yuv420p", {"crf": "17", "preset": "medium"}

@@ -38,6 +38,7 @@ class Stick:
 
     def __init__(self, axes: tuple[str, ...], *, grip: bool = True, clock: Callable[[], float] = perf_counter) -> None:
         self._clock = clock
+        # At rest, as if the last push had ended long ago.
         self._deflections = dict.fromkeys(axes, (0.0, -inf))
         self.grip = grip
         self.view: View | None = None

@@ -216,6 +216,7 @@ class ScriptedOperator:
     def _start(self, offset: np.ndarray, turn: np.ndarray, step: Step, time: float, *, yielding: bool = False) -> None:
         """Begin a submovement, as far as a stride reaches, with errors that grow with its length."""
         skill, length = self._skill, float(np.linalg.norm(offset))
+        # The way may be none.
         offset = offset * min(1.0, step.stride / max(length, 1e-9))
         length = float(np.linalg.norm(offset))
         angle = float(np.linalg.norm(turn))

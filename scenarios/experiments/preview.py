@@ -180,6 +180,7 @@ def preview(scenario: Scenario) -> Preview:
     ticks, power_off = station.ticks, None
     if scenario.shutdown:
         # Before the first shutdown the commands are those without it; its times were checked above.
+        # At least one sample, where the power is off from the beginning.
         ticks, power_off = max(1, int(station.powered.argmin())), scenario.shutdown[0]
         station = prepare(replace(scenario, shutdown=()), load_arm).station
     commands = station.commands[:ticks]

@@ -63,6 +63,7 @@ def table2() -> list[Table]:
             "axes": source["axes"],
             "mode": source["mode"],
             "duration": source["duration"],
+            # The tables have seeds a thousand apart: no two tests share their noise.
             "seed": 2000 + number,
             "description": f"tool along x, y and z: {test['description']}",
             "tags": [*source["tags"], excitation["kind"]],

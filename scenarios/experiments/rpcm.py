@@ -172,6 +172,7 @@ def rpcm_outcome(log: JointLog) -> RpcmOutcome:
     conditions = (
         held,
         held & (_height(position, HOLSTER) > HOLSTER.mouth),
+        # It was at the approach point before.
         held & beside & (np.cumsum(held & ~beside) > 0),
         held & over,
         held & over & (above < RECEPTACLE.mouth),

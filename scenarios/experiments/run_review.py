@@ -75,6 +75,7 @@ def log_summary(log: JointLog) -> LogSummary:
     clipped, limited = "", f"{100 * velocity_limited_share(log):.3g} %"
     if "scenario" in log.provenance:
         scenario = Scenario.from_toml(log.provenance["scenario"], source=f"scenario of {log.name}")
+        # Clipping follows from the excitation of the whole run.
         if len(log) == round(scenario.duration / log.dt):
             whole_run = review(log, scenario)
             clipped, limited = whole_run.shares()

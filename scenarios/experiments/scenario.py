@@ -217,6 +217,7 @@ class Scenario:
         """
         check_seed(seed)
         # The name enters the seed: tests of one campaign must not share their noise.
+        # A checksum, because Python's `hash` of a text differs from run to run.
         own_seed = np.random.SeedSequence([seed, crc32(self.name.encode())]).generate_state(1)[0]
         return replace(self, seed=int(own_seed))
 
