@@ -1,7 +1,5 @@
 """Attainable errors: the smallest that a model can achieve on one record of the twin."""
 
-import contextlib
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, log, sqrt
@@ -9,25 +7,21 @@ from math import ceil, log, sqrt
 import numpy as np
 from scipy.stats import chi2
 
-from hmtb_twin import JOINTS, JointLog, Status, Truth, linearize
+from hmtb_twin import JOINTS, Arm, JointLog, JointTruth, Status, Truth, linearize
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.modes import joint_index
 from hmtb_twin.truth.logged_arm import check_truth, logged_arm
 from scenarios.files.errors import ScenarioError
+from scenarios.truth.linear_fits import high_order_simulations, one_step_regression, pulse_responses, right_order_fits
 from scenarios.truth.noise_free import noise_free
-from sysid import IOData, StateSpace, SysidError, SysidWarning, oe, pem_ss, predict
-from sysid.polynomial.least_squares import tall_least_squares
-from sysid.polynomial.long_arx import long_arx_simulation
+from sysid import IOData, StateSpace, predict
 from sysid.records.arrays import FloatArray
-
-MATTERS = 1e-4
-"""States with a Hankel singular value below this part of the largest change no output beyond the resolver's noise."""
 
 FADED = 1e-6
 """A pulse response has died out where its slowest mode is down to this part."""
 
-MOST_STEPS = 100
-"""Steps after which a search ends, the minimum or not."""
+STILL = 1e-14
+"""Spread of an angle, over its largest value, up to which it is no more than rounding."""
 
 
 @dataclass(frozen=True)
@@ -136,11 +130,7 @@ def attainable(
             for the linear systems; a joint that does not move.
         TwinError: Unknown joint, a log without its arm, or a truth of another arm, other conditions or another pose.
     """
-    if joint is None:
-        if len(record.axes) != 1:
-            raise ScenarioError(f"{record.name} excites {', '.join(record.axes)}: name the joint")
-        joint = record.axes[0]
-    column = joint_index(joint)
+    joint = _joint_to_score(record, joint)
     if record.unit_pose is not None or (record.status & Status.SHUT_DOWN).any():
         raise ScenarioError(f"{record.name}: a shutdown, or work in contact, has no linear truth")
     if not 0 <= window < len(record):
@@ -149,121 +139,208 @@ def attainable(
     if truth is None:
         truth = linearize(arm, record.provenance["pose"], amplitudes=())
     check_truth(record, arm, truth)
-    measured = record.measured[:, column]
-    delayed_angles = delayed(record.true_angles, arm.delays)
-    true = delayed_angles[:, column]
-    mean, variance, origin = noise_free(record, arm, truth, delayed_angles)
-    quiet, uncertain = mean[:, column], variance[window:, column].mean()
-    # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
-    start = arm.rest(truth.angles).qpos[column]
-
-    moved = [name for k, name in enumerate(JOINTS) if name == joint or np.ptp(record.felt[:, k]) > 0.0]
-    columns = [joint_index(name) for name in moved]
-    offsets = IOData(record.commanded[:, columns] - truth.angles[columns], measured - start, record.dt)
-    model = truth.subset(moved, (joint,))
-    rest = np.zeros(model.order)
-    simulation, one_step = (predict(model, offsets, steps=steps, x0=rest)[:, 0] + start for steps in (None, 1))
-    known = truth.joint(joint)
-    # A pulse has died out with its slowest mode; one that carries less than what counts as faded never shows.
-    slowest = float(np.abs(known.poles[known.shares > FADED]).max())
-    settling = ceil(log(FADED) / log(slowest)) + known.delay_samples
-    first = max(window, settling)
-    coefficients = (len(moved) + 1) * settling + len(moved) + 1
-    if len(record) - window < 2 * coefficients:
-        raise ScenarioError(
-            f"{record.name} has {len(record) - window} samples to score, expected {2 * coefficients} or more: the "
-            f"linear systems that it is compared with have {coefficients} coefficients"
-        )
-    memory = max(settling, min(2 * settling, (len(record) - window) // (2 * len(moved) + 2)))
-    constant = np.ones((len(record), 1))
-    commands = np.hstack([*(_lagged(signal, memory, first=0) for signal in offsets.u.T), constant])
-    both = [*(_lagged(signal, settling, first=0) for signal in offsets.u.T), constant]
-    both.append(_lagged(offsets.y[:, 0], settling, first=1))
-    exact = replace(offsets, y=quiet[:, None], window=0)[window:].detrend()
-    order, of_order = _right_order(model, exact, steps)
-    # ARX models remember longer than pulse responses of as many coefficients, and their fit needs no search.
-    long = [long_arx_simulation(exact.u, exact.y[:, 0], n) for n in (settling, memory)]
-    fitted, high = (
-        [np.concatenate([quiet[:window], hat + quiet[window:].mean()]) for hat in hats if hat is not None]
-        for hats in (of_order, long)
-    )
-    linear = _fitted(commands, quiet, max(window, memory))
-    predicted = _fitted(np.hstack(both), measured, first)
-    # What is fitted to the noise itself lowers its own errors; those before the regression begins are not fitted.
-    predicted = np.where(
-        np.arange(len(record)) < first,
-        true,
-        measured - (measured - predicted) * sqrt((len(record) - first) / (len(record) - first - coefficients)),
-    )
-    scored = measured[window:]
-    spread = float(np.std(scored))
-    if spread <= 1e-14 * float(np.abs(scored).max()):
+    motion = _motion(record, arm, truth, joint, window)
+    small_signal = truth.subset(motion.commanded, (joint,))
+    lengths = _lengths(record.name, motion, truth.joint(joint))
+    if motion.spread <= STILL * float(np.abs(motion.scored).max()):
         raise ScenarioError(f"{record.name}: {joint} does not move; a fit is not defined")
 
-    def rms(error: FloatArray) -> float:
-        return float(np.sqrt(np.mean(error[window:] ** 2)))
-
-    def floor(prediction: FloatArray, *, centred: bool = False, variance: float = 0.0) -> Floor:
-        error = (measured - prediction)[window:]
-        square = np.mean((error - error.mean() if centred else error) ** 2)
-        rmse = sqrt(max(float(square) - variance, 0.0))
-        return Floor(rmse, 100.0 * (1.0 - rmse / spread))
-
-    right_order = min((floor(one, centred=True) for one in (simulation, *fitted)), key=lambda one: one.rmse)
-    centred = (one - np.mean((one - quiet)[window:]) for one in (*fitted, *high))
-    best = min((linear, *centred), key=lambda one: rms(quiet - one))
+    simulation = motion.from_rest(small_signal, steps=None)
+    one_step = motion.from_rest(small_signal, steps=1)
+    order, right_order_outputs = right_order_fits(small_signal, motion.noise_free_record, steps)
+    right_order_outputs = [motion.whole(output) for output in right_order_outputs]
+    best = _best_linear_simulation(motion, lengths, right_order_outputs)
+    predicted = _best_linear_prediction(motion, lengths)
+    right_order_floors = [motion.centred_floor(output) for output in (simulation, *right_order_outputs)]
+    provenance = {"record": record.name, "seed": str(record.seed), "noise-free angles": motion.origin}
+    if steps is not None:
+        provenance["steps of each search for the right order"] = str(steps)
     return Attainable(
         joint=joint,
-        samples=len(scored),
-        spread=spread,
-        simulation=Horizon(floor(quiet, variance=uncertain), floor(best), floor(simulation, centred=True)),
-        one_step=Horizon(floor(true), floor(predicted), floor(one_step, centred=True)),
-        right_order=right_order,
+        samples=len(motion.scored),
+        spread=motion.spread,
+        simulation=Horizon(
+            any_model=motion.floor(motion.expected, variance=motion.mean_variance),
+            best_linear=motion.floor(best),
+            small_signal=motion.centred_floor(simulation),
+        ),
+        one_step=Horizon(
+            any_model=motion.floor(motion.noise_free),
+            best_linear=motion.floor(predicted),
+            small_signal=motion.centred_floor(one_step),
+        ),
+        right_order=min(right_order_floors, key=lambda floor: floor.rmse),
         order=order,
-        distortion=rms(quiet - best),
-        mean_error=sqrt(uncertain),
-        settling=settling,
-        memory=memory,
-        parameters=(commands.shape[1], coefficients),
-        provenance={
-            "record": record.name,
-            "seed": str(record.seed),
-            "noise-free angles": origin,
-            **({} if steps is None else {"steps of each search for the right order": str(steps)}),
-            **record.provenance,
-        },
+        distortion=motion.rms(motion.expected - best),
+        mean_error=sqrt(motion.mean_variance),
+        settling=lengths.settling,
+        memory=lengths.memory,
+        parameters=(lengths.pulse_coefficients, lengths.regression_coefficients),
+        provenance={**provenance, **record.provenance},
     )
 
 
-def _right_order(model: StateSpace, exact: IOData, steps: int | None) -> tuple[int, list[FloatArray]]:
-    """Simulate output-error models of the truth's order fitted to noise-free angles; return the order too."""
-    start = replace(model, K=None).minimal(MATTERS)
-    most = steps or MOST_STEPS
-    # The criterion has several minima where the record is distorted, so the search begins at several places.
-    fits = [lambda: pem_ss(exact, start, direct=False, gain=False, search=False, max_iterations=most)]
-    if exact.nu == 1:
-        # It has initial estimates of its own, which often lead further down than the truth does.
-        fits.insert(0, lambda: oe(exact, start.order, start.order, 1, max_iterations=most, coloured=False))
-    outputs: list[FloatArray] = []
-    with warnings.catch_warnings():
-        # Warnings of poor excitation are about parameters; here only the output counts.
-        warnings.simplefilter("ignore", SysidWarning)
-        for fit in fits:
-            with contextlib.suppress(SysidError):
-                outputs.append(predict(fit(), exact, steps=None)[:, 0])
-                if steps is not None:
-                    break
-    return start.order, outputs
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """The angle of one joint over a record, as measured, without noise and as theory expects it.
+
+    Attributes:
+        commanded: The joint itself and every other joint whose command moves.
+        measured: Measured angle (N,), rad.
+        noise_free: Angle without the recorder's noise, as it reaches the record (N,), rad.
+        expected: Mean of the angle given the commands, as it reaches the record (N,), rad.
+        mean_variance: Mean square of the standard error of `expected` over the scored samples, rad^2.
+        origin: Origin of `expected`, in words.
+        start: Angle at which the arm rests before the record, rad.
+        offsets: Commands of the joints in `commanded` about the pose, and the measured angle about `start`, rad.
+        window: Samples at the start that are not scored.
+    """
+
+    commanded: tuple[str, ...]
+    measured: FloatArray
+    noise_free: FloatArray
+    expected: FloatArray
+    mean_variance: float
+    origin: str
+    start: float
+    offsets: IOData
+    window: int
+
+    @property
+    def scored(self) -> FloatArray:
+        """Measured angle over the scored samples, rad."""
+        return self.measured[self.window :]
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the measured angle over the scored samples, rad."""
+        return float(np.std(self.scored))
+
+    @property
+    def noise_free_record(self) -> IOData:
+        """Scored samples of the commands and of the expected angle, both without their means."""
+        return replace(self.offsets, y=self.expected[:, None], window=0)[self.window :].detrend()
+
+    def from_rest(self, model: StateSpace, steps: int | None) -> FloatArray:
+        """Predict the angle with a model that starts at rest (N,), rad; `steps` None simulates."""
+        return predict(model, self.offsets, steps=steps, x0=np.zeros(model.order))[:, 0] + self.start
+
+    def whole(self, output: FloatArray) -> FloatArray:
+        """Complete an output of a model of `noise_free_record` to the whole record, in absolute angles (N,), rad."""
+        before = self.expected[: self.window]
+        return np.concatenate([before, output + self.expected[self.window :].mean()])
+
+    def centred(self, output: FloatArray) -> FloatArray:
+        """Move an output so that its mean error against the expected angle is zero (N,), rad."""
+        return np.asarray(output - np.mean((output - self.expected)[self.window :]))
+
+    def rms(self, error: FloatArray) -> float:
+        """Root mean square of an error (N,) over the scored samples, rad."""
+        return float(np.sqrt(np.mean(error[self.window :] ** 2)))
+
+    def floor(self, output: FloatArray, variance: float = 0.0) -> Floor:
+        """Error of an output (N,); `variance`, rad^2, is that of the output itself, which is no error of the model."""
+        return self._floor((self.measured - output)[self.window :], variance)
+
+    def centred_floor(self, output: FloatArray) -> Floor:
+        """Error of an output (N,) whose operating point is free."""
+        error = (self.measured - output)[self.window :]
+        return self._floor(error - error.mean(), 0.0)
+
+    def _floor(self, error: FloatArray, variance: float) -> Floor:
+        # Chance may bring the mean square of a short record below the variance that is taken off.
+        rmse = sqrt(max(float(np.mean(error**2)) - variance, 0.0))
+        return Floor(rmse, 100.0 * (1.0 - rmse / self.spread))
 
 
-def _lagged(signal: FloatArray, memory: int, *, first: int) -> FloatArray:
-    """Columns signal(t - first), ..., signal(t - memory); zero before the record."""
-    padded = np.concatenate([np.zeros(memory), signal])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, memory + 1)[:, ::-1]
-    return windows[:, first:]
+@dataclass(frozen=True)
+class _Lengths:
+    """Lengths of the linear systems that are fitted to a record.
+
+    Attributes:
+        settling: Samples in which the small-signal arm settles.
+        memory: Samples of the pulse responses.
+        pulse_coefficients: Coefficients of the pulse responses, constant included.
+        regression_coefficients: Coefficients of the regression one step ahead, constant included.
+    """
+
+    settling: int
+    memory: int
+    pulse_coefficients: int
+    regression_coefficients: int
 
 
-def _fitted(regressors: FloatArray, target: FloatArray, first: int) -> FloatArray:
-    """Least squares from a sample on; the prediction of all, before that sample the target itself."""
-    solution = tall_least_squares(regressors[first:], target[first:], cond=1e-12)
-    return np.concatenate([target[:first], regressors[first:] @ solution])
+def _joint_to_score(record: JointLog, joint: str | None) -> str:
+    """Return the joint that was named, or else the only one that the record excites."""
+    if joint is None:
+        if len(record.axes) != 1:
+            raise ScenarioError(f"{record.name} excites {', '.join(record.axes)}: name the joint")
+        joint = record.axes[0]
+    # A joint that does not exist is refused before anything is computed.
+    joint_index(joint)
+    return joint
+
+
+def _motion(record: JointLog, arm: Arm, truth: Truth, joint: str, window: int) -> _Motion:
+    """Take one joint's angles and all commands that move from a record."""
+    column = joint_index(joint)
+    measured = record.measured[:, column]
+    delayed_angles = delayed(record.true_angles, arm.delays)
+    mean, variance, origin = noise_free(record, arm, truth, delayed_angles)
+    # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
+    start = arm.rest(truth.angles).qpos[column]
+    # A command that never moves has no lags to fit: its columns would all be the constant.
+    commanded = tuple(name for k, name in enumerate(JOINTS) if name == joint or np.ptp(record.felt[:, k]) > 0.0)
+    columns = [joint_index(name) for name in commanded]
+    return _Motion(
+        commanded=commanded,
+        measured=measured,
+        noise_free=delayed_angles[:, column],
+        expected=mean[:, column],
+        mean_variance=variance[window:, column].mean(),
+        origin=origin,
+        start=start,
+        offsets=IOData(record.commanded[:, columns] - truth.angles[columns], measured - start, record.dt),
+        window=window,
+    )
+
+
+def _lengths(record_name: str, motion: _Motion, joint_truth: JointTruth) -> _Lengths:
+    """Choose how many past samples the linear systems see: as long as the arm remembers and the record allows."""
+    # A pulse has died out with its slowest mode; one that carries less than what counts as faded never shows.
+    slowest = float(np.abs(joint_truth.poles[joint_truth.shares > FADED]).max())
+    settling = ceil(log(FADED) / log(slowest)) + joint_truth.delay_samples
+    commands, samples = len(motion.commanded), len(motion.scored)
+    # Lags 0 to `settling` of each command, lags 1 to `settling` of the angle, and the constant.
+    regression_coefficients = (commands + 1) * settling + commands + 1
+    # Fewer samples would leave the regression less than half of them as degrees of freedom of its error.
+    if samples < 2 * regression_coefficients:
+        raise ScenarioError(
+            f"{record_name} has {samples} samples to score, expected {2 * regression_coefficients} or more: the "
+            f"linear systems that it is compared with have {regression_coefficients} coefficients"
+        )
+    # About two samples for each coefficient of the pulse responses too.
+    memory = max(settling, min(2 * settling, samples // (2 * commands + 2)))
+    return _Lengths(settling, memory, commands * (memory + 1) + 1, regression_coefficients)
+
+
+def _best_linear_simulation(motion: _Motion, lengths: _Lengths, right_order_outputs: list[FloatArray]) -> FloatArray:
+    """Return the simulation nearest to the expected angle among those of the fitted linear systems (N,), rad."""
+    first = max(motion.window, lengths.memory)
+    of_pulses = pulse_responses(motion.offsets.u, motion.expected, lengths.memory, first)
+    of_high_order = high_order_simulations(motion.noise_free_record, (lengths.settling, lengths.memory))
+    searched = (*right_order_outputs, *(motion.whole(output) for output in of_high_order))
+    candidates = [of_pulses, *(motion.centred(output) for output in searched)]
+    return min(candidates, key=lambda output: motion.rms(motion.expected - output))
+
+
+def _best_linear_prediction(motion: _Motion, lengths: _Lengths) -> FloatArray:
+    """Predict one step ahead by regression, the error enlarged to that on fresh data (N,), rad."""
+    measured, samples = motion.measured, len(motion.measured)
+    first = max(motion.window, lengths.settling)
+    predicted = one_step_regression(motion.offsets, measured, lengths.settling, first)
+    # What is fitted to the noise itself lowers its own errors; those before the regression begins are not fitted.
+    fitted_samples = samples - first
+    enlargement = sqrt(fitted_samples / (fitted_samples - lengths.regression_coefficients))
+    enlarged = measured - (measured - predicted) * enlargement
+    return np.where(np.arange(samples) < first, motion.noise_free, enlarged)

@@ -91,9 +91,15 @@ class BestLinearTruth(Locked):
     @cached_property
     def small_signal(self) -> Truth:
         """The small-signal truth of the same arm under the same conditions."""
-        e = self.experiment
-        arm = load_arm(e.variant, e.payload, plant=e.plant, specimen=e.specimen, friction=e.chain.friction)
-        return linearize(arm, e.pose)
+        first = self.experiment
+        arm = load_arm(
+            first.variant,
+            first.payload,
+            plant=first.plant,
+            specimen=first.specimen,
+            friction=first.chain.friction,
+        )
+        return linearize(arm, first.pose)
 
     def servo_agreement(self, truth: Truth | None = None) -> ResponseAgreement:
         """Compare `servo` line by line with a small-signal truth, by default that of the same arm."""
@@ -101,8 +107,9 @@ class BestLinearTruth(Locked):
 
     def agreement(self, approximation: BestLinearApproximation, truth: Truth | None = None) -> ResponseAgreement:
         """Compare `servo` or `chain` line by line with a small-signal truth, by default that of the same arm."""
-        rows, columns = ([joint_index(name) for name in names] for names in (self.measured, self.experiment.axes))
-        response = (truth or self.small_signal).model.frequency_response(approximation.response.frequencies)
+        truth = truth or self.small_signal
+        response = truth.model.frequency_response(approximation.response.frequencies)
+        rows, columns = _columns(self.measured), _columns(self.experiment.axes)
         return response_agreement(approximation, response[:, rows][:, :, columns])
 
 
@@ -137,6 +144,7 @@ def best_linear(
     experiments = multisine_experiments(setting, multisines or Multisines())
     if measured is None:
         measured = experiments[0].axes
+    # A string is a sequence too, of letters.
     elif isinstance(measured, str) or not isinstance(measured, Sequence) or not 0 < len(measured) == len(set(measured)):
         raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
     result = simulate(experiments, threads=threads)
@@ -209,37 +217,33 @@ def approximated(
         SysidError: The command does not move at a line.
     """
     first, multisines = experiments[0], experiments[0].multisines
-    rows, columns = ([joint_index(name) for name in names] for names in (measured, first.axes))
-
-    def record(log: JointLog, inputs: FloatArray) -> IOData:
-        return IOData(
-            inputs,
-            log.measured[:, rows],
-            log.dt,
-            input_names=tuple(f"{name} commanded" for name in first.axes),
-            output_names=tuple(f"{name} measured" for name in measured),
-            input_units=("rad",) * len(first.axes),
-            output_units=("rad",) * len(measured),
-            window=multisines.settling * multisines.samples,
-        )
-
-    servo = [record(log, log.commanded[:, columns]) for log in logs]
-    chain = [record(log, experiment.offsets()) for log, experiment in zip(logs, experiments, strict=True)]
+    columns = _columns(first.axes)
+    servo_records = [_record(first, measured, log, log.commanded[:, columns]) for log in logs]
+    chain_records = [
+        _record(first, measured, log, experiment.offsets()) for log, experiment in zip(logs, experiments, strict=True)
+    ]
     with warnings.catch_warnings():
         # Noise of the wires makes the commands of two periods differ; the record holds them, so they are known.
         warnings.filterwarnings("ignore", message=".* is not periodic with", category=SysidWarning)
-        of_servo, of_chain = (bla(records, multisines.samples, lines=multisines.lines) for records in (servo, chain))
-    steady = [part.scored for part in servo]
-    status = np.concatenate([log.status[len(log) - len(part) :] for log, part in zip(logs, steady, strict=True)])
+        servo = bla(servo_records, multisines.samples, lines=multisines.lines)
+        chain = bla(chain_records, multisines.samples, lines=multisines.lines)
+    steady = [record.scored for record in servo_records]
+    silent = None
+    if multisines.odd:
+        silent = silent_lines(steady, servo, multisines.samples, multisines.band)
+    variances = [record.u.var(axis=0) for record in steady]
+    # What comes before the steady periods is no part of the approximation.
+    status = np.concatenate([log.status[len(log) - len(record) :] for log, record in zip(logs, steady, strict=True)])
+    at_limit = status & (Status.JOINT_LIMITED | Status.CONVERTER_SATURATED)
     return BestLinearTruth(
         experiment=first,
         measured=tuple(measured),
-        servo=of_servo,
-        chain=of_chain,
-        silent=silent_lines(steady, of_servo, multisines.samples, multisines.band) if multisines.odd else None,
-        command_rms=np.sqrt(np.mean([part.u.var(axis=0) for part in steady], axis=0)),
+        servo=servo,
+        chain=chain,
+        silent=silent,
+        command_rms=np.sqrt(np.mean(variances, axis=0)),
         slewing=float(np.mean((status & Status.VELOCITY_LIMITED) != 0)),
-        limited=float(np.mean((status & (Status.JOINT_LIMITED | Status.CONVERTER_SATURATED)) != 0)),
+        limited=float(np.mean(at_limit != 0)),
         physics_seconds=physics_seconds,
         provenance={
             "method": "robust method, random-phase multisines",
@@ -248,6 +252,26 @@ def approximated(
             **logs[0].provenance,
             **versions(),
         },
+    )
+
+
+def _columns(joints: Sequence[str]) -> list[int]:
+    """Columns of joints among the seven of a log."""
+    return [joint_index(joint) for joint in joints]
+
+
+def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, inputs: FloatArray) -> IOData:
+    """Pair inputs (N, n_axes), rad, with the measured angles of a log; the window holds what is not steady yet."""
+    multisines = first.multisines
+    return IOData(
+        inputs,
+        log.measured[:, _columns(measured)],
+        log.dt,
+        input_names=tuple(f"{name} commanded" for name in first.axes),
+        output_names=tuple(f"{name} measured" for name in measured),
+        input_units=("rad",) * len(first.axes),
+        output_units=("rad",) * len(measured),
+        window=multisines.settling * multisines.samples,
     )
 
 
@@ -271,14 +295,17 @@ def cautions(approximation: BestLinearTruth, truth: Truth) -> tuple[str, ...]:
         approximation: The approximation of one joint, excited alone.
         truth: The small-signal truth of the same arm.
     """
-    remarks, gain, distortion = [], slow_gain(approximation, truth), float(approximation.distortion_percent[0])
+    gain = slow_gain(approximation, truth)
+    distortion = float(approximation.distortion_percent[0])
     hz, low, high = approximation.bandwidth.path()
+    remarks = []
     if gain < STUCK:
         remarks.append(f"it follows {100 * gain:.0f} % of a slow command, and the bandwidth is relative to that")
     if distortion > DISTORTED:
         remarks.append(f"distortion is {distortion:.0f} %, so no linear model is good")
     if not np.isfinite(hz):
         remarks.append("no bandwidth shows")
+    # Written so that an end that is NaN counts as wide too.
     elif not high <= WIDE * low:
         remarks.append(f"the interval's ends differ by a factor of {high / low:.1f}")
     return tuple(remarks)

@@ -25,6 +25,9 @@ CLOSE = 0.01
 ROUNDS = 12
 """Most amplitudes in the search."""
 
+FLATTEST = 0.1
+"""Least slope that the search assumes, logarithm of the command's strength over that of the amplitude."""
+
 ROOM = 0.98
 """Part of the converter's range that the multisine may fill: noise and rounding need the rest."""
 
@@ -97,17 +100,19 @@ def best_linear_of_test(
     Raises:
         ScenarioError: See `scenarios.truth.best_linear.best_linear`.
     """
-    commands = [part.u[:, 0] for part in records]
-    base, multisines, wanted = multisine_like(setting, commands, seed=seed, realisations=REALISATIONS)
+    commands = [record.u[:, 0] for record in records]
+    base, multisines, wanted_rms = multisine_like(setting, commands, seed=seed, realisations=REALISATIONS)
     approximation = best_linear(base, multisines, threads=threads)
-    response, (hz, *ci95) = approximation.servo.response, approximation.bandwidth.path()
+    response = approximation.servo.response
+    hz, low, high = approximation.bandwidth.path()
+    truth = linearize(experiment_arm(base), setting.pose, amplitudes=())
     return BestLinearOfTest(
         joint=base.name,
         test=test,
         hz=hz,
-        ci95=(ci95[0], ci95[1]),
+        ci95=(low, high),
         half_power_hz=gain_crossing(response, HALF_POWER),
-        wanted_rms=wanted,
+        wanted_rms=wanted_rms,
         command_rms=float(approximation.command_rms[0]),
         f_max=multisines.f_max,
         f_min=float(response.frequencies[0]),
@@ -115,7 +120,7 @@ def best_linear_of_test(
         slewing=approximation.slewing,
         distortion_percent=float(approximation.distortion_percent[0]),
         physics_s=approximation.physics_seconds,
-        cautions=cautions(approximation, linearize(experiment_arm(base), setting.pose, amplitudes=())),
+        cautions=cautions(approximation, truth),
         response=response,
     )
 
@@ -140,17 +145,14 @@ def multisine_like(
     Raises:
         ScenarioError: The multisine cannot be played.
     """
-    wanted = float(np.sqrt(np.mean([np.var(command) for command in commands])))
-    ends = []
-    for command in commands:
-        power = np.abs(np.fft.rfft(command)) ** 2
-        line = int(np.searchsorted(np.cumsum(power), SHARE * power.sum()))
-        ends.append(line / (len(command) * SAMPLE_TIME))
+    wanted_rms = _rms(commands)
     (joint,) = setting.axes
     shared = ("variant", "payload", "plant", "specimen", "pose", "chain", "hand_controller")
     base = MultisineExperiment(joint, (joint,), seed=seed, **{name: getattr(setting, name) for name in shared})
-    target = Multisines(rms=wanted, f_max=float(np.mean(ends)), realisations=realisations, seed=seed)
-    rms, slope = wanted, 1.0
+    f_max = float(np.mean([_band_end(command) for command in commands]))
+    target = Multisines(rms=wanted_rms, f_max=f_max, realisations=realisations, seed=seed)
+    # An amplitude far below the limits comes out as it went in: slope one on logarithmic scales.
+    rms, slope = wanted_rms, 1.0
     points: list[tuple[float, float]] = []
     for _ in range(ROUNDS):
         current = replace(target, rms=rms)
@@ -158,18 +160,28 @@ def multisine_like(
         largest = ROOM * rms * BOARD.dac_range * base.hand_controller.gain / peak
         if rms > largest:
             rms, current = largest, replace(target, rms=largest)
-        # Over the steady periods of all realisations.
-        steady = [
-            joint_command(one)[current.settling * current.samples :] for one in multisine_experiments(base, current)
-        ]
-        command_rms = float(np.sqrt(np.mean([np.var(part) for part in steady])))
-        if abs(command_rms / wanted - 1.0) < CLOSE or (rms == largest and command_rms < wanted):
+        steady_from = current.settling * current.samples
+        command_rms = _rms([joint_command(played)[steady_from:] for played in multisine_experiments(base, current)])
+        if abs(command_rms / wanted_rms - 1.0) < CLOSE or (rms == largest and command_rms < wanted_rms):
             break
         points.append((float(np.log(rms)), float(np.log(command_rms))))
         if len(points) > 1 and points[-1][0] != points[-2][0]:
             slope = (points[-1][1] - points[-2][1]) / (points[-1][0] - points[-2][0])
-        rms *= float((wanted / command_rms) ** (1.0 / max(slope, 0.1)))
-    return base, current, wanted
+        # A command held at its velocity limit hardly grows any more: a flat slope would throw the next amplitude away.
+        rms *= float((wanted_rms / command_rms) ** (1.0 / max(slope, FLATTEST)))
+    return base, current, wanted_rms
+
+
+def _rms(commands: Sequence[FloatArray]) -> float:
+    """Root mean square of commands about their means, over all of them, rad."""
+    return float(np.sqrt(np.mean([np.var(command) for command in commands])))
+
+
+def _band_end(command: FloatArray) -> float:
+    """Frequency below which a command (N,) has the share `SHARE` of its power, Hz."""
+    power = np.abs(np.fft.rfft(command)) ** 2
+    line = int(np.searchsorted(np.cumsum(power), SHARE * power.sum()))
+    return line / (len(command) * SAMPLE_TIME)
 
 
 def joint_command(experiment: Experiment) -> FloatArray:

@@ -33,8 +33,9 @@ def noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> tu
         # Noise dithers what is not smooth: the mean is not the motion without noise.
         mean, variance = conditional_mean(arm, truth.angles, record.felt, draws=DRAWS, seed=record.seed)
         return mean, variance, f"mean of {DRAWS} draws of process noise"
-    quiet = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
-    angles = simulated(quiet, truth.angles, record.felt) + quiet.rest(truth.angles).qpos[: len(JOINTS)]
+    # What is linear responds on average as it does without noise: one simulation is exact.
+    noiseless = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
+    angles = simulated(noiseless, truth.angles, record.felt) + noiseless.rest(truth.angles).qpos[: len(JOINTS)]
     return angles, np.zeros_like(angles), "simulated anew without process noise"
 
 
@@ -58,16 +59,18 @@ def conditional_mean(
     for name in ("qpos", "qvel", "act", "ctrl", "eq_active"):
         simulations.bind(name)[:] = getattr(start, name)
     control, position = simulations.bind("ctrl"), simulations.bind("qpos")
+    # Seeded apart from the noise of the record, so that the draws are independent of what is scored.
     rng = np.random.default_rng([seed, draws])
     substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
-    total, squares = np.zeros(command.shape), np.zeros(command.shape)
+    means, variances = np.zeros(command.shape), np.zeros(command.shape)
     simulations.forward()
-    for k, now in enumerate(arm.controls(command)):
+    for k, controls in enumerate(arm.controls(command)):
         # About the pose, so that the scatter is not lost in the rounding of large angles.
-        moved = position[:, : len(JOINTS)] - angles
-        total[k] = moved.mean(axis=0)
-        squares[k] = moved.var(axis=0, ddof=1) / draws
-        control[:] = now
+        offsets = position[:, : len(JOINTS)] - angles
+        means[k] = offsets.mean(axis=0)
+        variances[k] = offsets.var(axis=0, ddof=1) / draws
+        control[:] = controls
+        # Even columns command angles, odd ones torques; the noise is that of the drives.
         control[:, 1::2] += arm.process_noise * rng.standard_normal((draws, len(JOINTS)))
         simulations.step(nstep=substeps)
-    return delayed(total, arm.delays) + angles, delayed(squares, arm.delays)
+    return delayed(means, arm.delays) + angles, delayed(variances, arm.delays)

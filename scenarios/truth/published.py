@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +69,7 @@ class PublishedModel:
     @cached_property
     def model(self) -> StateSpace:
         """The model in innovation form, K zero where the print has none."""
-        return self._assembled([np.array(text.split(), dtype=np.float64) for text in self.digits])
+        return self._assembled([np.array(line.split(), dtype=np.float64) for line in self.digits])
 
     @property
     def bandwidth_hz(self) -> float:
@@ -95,26 +96,28 @@ class PublishedModel:
         """Ranges over models drawn evenly within the rounding: half a unit of the last place of every number."""
         rng, models = np.random.default_rng(0), list[StateSpace]()
         for _ in range(DRAWS):
-            parts = []
-            for numbers in map(str.split, self.digits):
-                # Zeros and ones of the structure have no place to round.
-                half = [0.5 * 10.0 ** -len(one.partition(".")[2]) if "." in one else 0.0 for one in numbers]
-                parts.append(np.array(numbers, dtype=np.float64) + half * rng.uniform(-1.0, 1.0, len(numbers)))
-            models.append(self._assembled(parts))
+            coefficients = []
+            for words in map(str.split, self.digits):
+                half_places = [_half_place(word) for word in words]
+                printed = np.array(words, dtype=np.float64)
+                coefficients.append(printed + half_places * rng.uniform(-1.0, 1.0, len(words)))
+            models.append(self._assembled(coefficients))
+        # An unstable model has no bandwidth; how many there are says how little the digits fix.
         stable = [model for model in models if model.is_stable()]
         bandwidths = [float(model.bandwidth()[0, 0]) for model in stable]
         gains = [float(model.dc_gain()[0, 0]) for model in stable]
         return DigitRange((min(bandwidths), max(bandwidths)), (min(gains), max(gains)), len(stable) / DRAWS)
 
-    def _assembled(self, parts: list[NDArray[np.float64]]) -> StateSpace:
+    def _assembled(self, coefficients: list[NDArray[np.float64]]) -> StateSpace:
+        """Assemble the model from its numbers in the sequence of `digits`."""
         if self.method == "okid":
-            A, B, C, D, G = parts
+            A, B, C, D, G = coefficients
             n = len(B)
             # K = -G [Morris1996, eq. 5.7]
             matrices = A.reshape(n, n), B[:, None], C[None], D[None], -G[:, None]
         else:
             # Observer form of a strictly proper fraction in z; the thesis' own form.
-            numerator, denominator, K = parts
+            numerator, denominator, K = coefficients
             n = len(denominator) - 1
             A, B = np.eye(n, k=1), np.zeros((n, 1))
             A[:, 0] = -denominator[1:]
@@ -142,18 +145,36 @@ class PublishedSystem:
     @property
     def joints(self) -> tuple[str, ...]:
         """Joints that it describes."""
-        return tuple(part.joint for part in self.parts)
+        return tuple(joint_model.joint for joint_model in self.parts)
 
     @property
     def model(self) -> StateSpace:
         """The block-diagonal model."""
-        return block_diagonal([part.model for part in self.parts])
+        return block_diagonal([joint_model.model for joint_model in self.parts])
+
+
+def _half_place(word: str) -> float:
+    """Return half a unit of the last decimal place of a printed number."""
+    # Zeros and ones of the structure have no place to round.
+    if "." not in word:
+        return 0.0
+    return float(0.5 * 10.0 ** -len(word.partition(".")[2]))
+
+
+def _printed_model(row: Mapping[str, Any]) -> PublishedModel:
+    """Make a model from its row of `published.toml`."""
+    return PublishedModel(**{**row, "digits": tuple(row["digits"])})
+
+
+def _printed_system(row: Mapping[str, Any]) -> PublishedSystem:
+    """Make a model of three joints from its row of `published.toml`."""
+    return PublishedSystem(row["name"], row["label"], tuple(EQUATIONS[equation] for equation in row["parts"]))
 
 
 _PRINT = package_table("published.toml")
 
 EQUATIONS: Mapping[str, PublishedModel] = MappingProxyType(
-    {entry["name"]: PublishedModel(**{**entry, "digits": tuple(entry["digits"])}) for entry in _PRINT["model"]}
+    {row["name"]: _printed_model(row) for row in _PRINT["model"]}
 )
 """Every printed model of one joint by the number of its equation, second prints too."""
 
@@ -162,14 +183,11 @@ PUBLISHED: tuple[PublishedModel, ...] = tuple(
 )
 """Every printed model that differs from all others, joint by joint."""
 
-SYSTEMS: tuple[PublishedSystem, ...] = tuple(
-    PublishedSystem(entry["name"], entry["label"], tuple(EQUATIONS[part] for part in entry["parts"]))
-    for entry in _PRINT["system"]
-)
+SYSTEMS: tuple[PublishedSystem, ...] = tuple(_printed_system(row) for row in _PRINT["system"])
 """The thesis' models of three joints, with the digits of the transfer functions [Morris1996, sec. VI.6]."""
 
 BY_NAME: Mapping[str, PublishedModel | PublishedSystem] = MappingProxyType(
-    {**EQUATIONS, **{entry.name: entry for entry in SYSTEMS}}
+    {**EQUATIONS, **{system.name: system for system in SYSTEMS}}
 )
 """Everything printed, by name: the equations and the models of three joints."""
 
@@ -182,7 +200,7 @@ PERCENT_DESCRIBED = {"shoulder_yaw": 99.8691, "shoulder_pitch": 96.1075, "elbow_
 
 def published(joint: str) -> tuple[PublishedModel, ...]:
     """Return the printed models of one joint; none for joints that the thesis did not identify."""
-    return tuple(entry for entry in PUBLISHED if entry.joint == joint)
+    return tuple(model for model in PUBLISHED if model.joint == joint)
 
 
 def published_model(name: str) -> PublishedModel | PublishedSystem:

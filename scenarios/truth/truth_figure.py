@@ -11,7 +11,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from scenarios.experiments.preview_figure import COLOURS, LINES
 from scenarios.report.figure_style import dress, short
+from scenarios.truth.attainable import Floor, Horizon
 from scenarios.truth.truth_summary import TruthSummary, conditions_in_words, pose_in_words
+from sysid import FrequencyResponse
 from sysid.plots.palette import BOUND, INK, PALETTE
 
 LOWEST = 0.05
@@ -41,9 +43,12 @@ FLOORS = (
 
 def truth_figure(summary: TruthSummary) -> Figure:
     """Draw the truth about an arm."""
-    floors = 0.7 + 0.7 * len(summary.attainable) if summary.attainable else 0.0
-    figure = Figure(figsize=(10.0, 9.6 + floors), layout="constrained")
-    heights = (2.9, 2.9, 2.9, *((floors,) if floors else ()))
+    heights = [2.9, 2.9, 2.9]
+    floors_height = 0.0
+    if summary.attainable:
+        floors_height = 0.7 + 0.7 * len(summary.attainable)
+        heights.append(floors_height)
+    figure = Figure(figsize=(10.0, 9.6 + floors_height), layout="constrained")
     grid = figure.add_gridspec(len(heights), 2, width_ratios=(1.25, 1.0), height_ratios=heights)
     gain, phase, error = (figure.add_subplot(grid[row, 0]) for row in range(3))
     plane, moduli = figure.add_subplot(grid[:2, 1]), figure.add_subplot(grid[2, 1])
@@ -57,49 +62,57 @@ def truth_figure(summary: TruthSummary) -> Figure:
         panels.append(figure.add_subplot(grid[3, :]))
         _attainable(panels[-1], summary)
     dress(panels)
-    handles = [
-        Line2D([], [], color=COLOURS[number], ls=LINES[number], lw=1.6, label=short(name))
-        for number, name in enumerate(joints)
-    ]
+    handles = _legend_handles(summary, joints)
+    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    figure.suptitle(_title(summary), x=0.01, ha="left", fontsize=11, color=INK)
+    return figure
+
+
+def _legend_handles(summary: TruthSummary, joints: list[str]) -> list[Line2D]:
+    """Samples of the lines and markers of all panels."""
+    handles = []
+    for joint, colour, line in zip(joints, COLOURS, LINES, strict=False):
+        handles.append(Line2D([], [], color=colour, ls=line, lw=1.6, label=short(joint)))
     handles.append(Line2D([], [], color=INK, marker="o", ls="", mfc="white", label="bandwidth"))
     if summary.best_linear:
         rms = next(iter(summary.best_linear.values())).experiment.multisines.rms
         handles.append(Line2D([], [], color=INK, marker=".", ls="", ms=5, label=f"best linear at {rms:g} rad rms"))
         handles.append(Line2D([], [], color=INK, marker="|", ls="-", lw=1.4, ms=7, label="its bandwidth, 95 %"))
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=8, frameon=False)
+    return handles
+
+
+def _title(summary: TruthSummary) -> str:
+    """Arm, payload and pose; below them what departs from the nominal conditions."""
     truth, departures = summary.truth, conditions_in_words(summary.arm, departures=True)
-    title = f"Truth: arm {truth.variant}, payload {truth.payload}, pose {short(pose_in_words(truth))}"
-    title += f"\n{departures[0].upper()}{departures[1:]}" if departures else "; nominal conditions"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK)
-    return figure
+    arm = f"Truth: arm {truth.variant}, payload {truth.payload}, pose {short(pose_in_words(truth))}"
+    if not departures:
+        return f"{arm}; nominal conditions"
+    return f"{arm}\n{departures[0].upper()}{departures[1:]}"
 
 
 def _responses(gain: Axes, phase: Axes, summary: TruthSummary, joints: list[str]) -> None:
+    """Draw gain and phase of every joint with its bandwidth, and the best linear ones where they were measured."""
     nyquist = 0.5 / summary.truth.dt
     f = np.geomspace(LOWEST, nyquist, 300)
-    for number, name in enumerate(joints):
-        entry, colour = summary.joints[name], COLOURS[number]
-        response = entry.model.frequency_response(f)[:, 0, 0]
+    for row, joint in enumerate(joints):
+        joint_truth, colour, line = summary.joints[joint], COLOURS[row], LINES[row]
+        response = joint_truth.model.frequency_response(f)[:, 0, 0]
         angle = np.unwrap(np.angle(response))
-        gain.plot(f, 20.0 * np.log10(np.abs(response)), color=colour, ls=LINES[number], lw=1.6)
-        phase.plot(f, np.degrees(angle), color=colour, ls=LINES[number], lw=1.6)
-        if np.isfinite(hz := entry.bandwidth_hz):
-            mark: dict[str, Any] = {"color": colour, "marker": "o", "ms": 6, "mfc": "white", "mew": 1.5, "zorder": 5}
-            gain.plot(hz, 20.0 * np.log10(abs(entry.model.frequency_response([hz])[0, 0, 0])), **mark)
-            phase.plot(hz, np.degrees(np.interp(hz, f, angle)), **mark)
-        if name not in summary.best_linear:
-            continue
-        measured = summary.best_linear[name].servo.response
-        values = measured.response[:, 0, 0]
-        dots: dict[str, Any] = {"color": colour, "marker": ".", "ls": "", "ms": 4, "alpha": 0.8}
-        gain.plot(measured.frequencies, 20.0 * np.log10(np.abs(values)), **dots)
-        # Whole turns are those nearest to the truth's phase.
-        near = np.interp(measured.frequencies, f, angle)
-        phase.plot(measured.frequencies, np.degrees(near + np.angle(values * np.exp(-1j * near))), **dots)
-        hz, low, high = summary.best_linear[name].bandwidth.path()
+        gain.plot(f, _decibels(response), color=colour, ls=line, lw=1.6)
+        phase.plot(f, np.degrees(angle), color=colour, ls=line, lw=1.6)
+        hz = joint_truth.bandwidth_hz
         if np.isfinite(hz):
-            at, reach = HALF_POWER_DB - APART_DB * (1 + number), ((hz - low,), (high - hz,))
-            gain.errorbar(hz, at, xerr=reach, color=colour, marker="|", ms=7, capsize=4, elinewidth=1.6, zorder=6)
+            mark: dict[str, Any] = {"color": colour, "marker": "o", "ms": 6, "mfc": "white", "mew": 1.5, "zorder": 5}
+            gain.plot(hz, _decibels(joint_truth.model.frequency_response([hz])[0, 0, 0]), **mark)
+            phase.plot(hz, np.degrees(np.interp(hz, f, angle)), **mark)
+        if joint in summary.best_linear:
+            measured = summary.best_linear[joint].servo.response
+            _measured_response(gain, phase, measured, np.interp(measured.frequencies, f, angle), colour)
+            hz, low, high = summary.best_linear[joint].bandwidth.path()
+            if np.isfinite(hz):
+                height, reach = HALF_POWER_DB - APART_DB * (1 + row), ((hz - low,), (high - hz,))
+                interval: dict[str, Any] = {"color": colour, "marker": "|", "ms": 7, "capsize": 4, "zorder": 6}
+                gain.errorbar(hz, height, xerr=reach, elinewidth=1.6, **interval)
     gain.axhline(HALF_POWER_DB, **DASHED)
     gain.annotate("half power", (LOWEST, -3.0), (4, -10), textcoords="offset points", fontsize=8, color=BOUND.colour)
     gain.set(ylabel="gain / dB", xscale="log", xlim=(LOWEST, nyquist))
@@ -110,12 +123,29 @@ def _responses(gain: Axes, phase: Axes, summary: TruthSummary, joints: list[str]
         axes.set_xticks((0.1, 1.0, 10.0), ("0.1", "1", "10"))
 
 
+def _measured_response(
+    gain: Axes, phase: Axes, measured: FrequencyResponse, true_phase: np.ndarray, colour: str
+) -> None:
+    """Draw the lines of a best linear approximation; the truth's phase at them, rad, says which turn they are in."""
+    values = measured.response[:, 0, 0]
+    dots: dict[str, Any] = {"color": colour, "marker": ".", "ls": "", "ms": 4, "alpha": 0.8}
+    gain.plot(measured.frequencies, _decibels(values), **dots)
+    # Whole turns are those nearest to the truth's phase: unwrapping noisy lines among themselves may slip by one.
+    departure = np.angle(values * np.exp(-1j * true_phase))
+    phase.plot(measured.frequencies, np.degrees(true_phase + departure), **dots)
+
+
+def _decibels(response: np.ndarray) -> np.ndarray:
+    return np.asarray(20.0 * np.log10(np.abs(response)))
+
+
 def _plane(axes: Axes, summary: TruthSummary, joints: list[str]) -> None:
+    """Draw poles and zeros of all joints in the z plane."""
     reach, outside = 1.1, 0
-    for number, name in enumerate(joints):
-        poles, zeros = summary.joints[name].poles, summary.joints[name].zeros
-        axes.plot(poles.real, poles.imag, "x", color=COLOURS[number], ms=7, mew=1.5)
-        axes.plot(zeros.real, zeros.imag, "o", color=COLOURS[number], ms=7, mfc="none", mew=1.2)
+    for joint, colour in zip(joints, COLOURS, strict=False):
+        poles, zeros = summary.joints[joint].poles, summary.joints[joint].zeros
+        axes.plot(poles.real, poles.imag, "x", color=colour, ms=7, mew=1.5)
+        axes.plot(zeros.real, zeros.imag, "o", color=colour, ms=7, mfc="none", mew=1.2)
         outside += int(np.sum(np.maximum(np.abs(zeros.real), np.abs(zeros.imag)) > reach))
     axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, ec=BOUND.colour, ls=BOUND.line, lw=BOUND.width))
     axes.set(xlabel="real part", ylabel="imaginary part", xlim=(-reach, reach), ylim=(-reach, reach))
@@ -126,14 +156,17 @@ def _plane(axes: Axes, summary: TruthSummary, joints: list[str]) -> None:
 
 def _moduli(axes: Axes, summary: TruthSummary, joints: list[str]) -> None:
     """Draw every joint on a line of its own: where many roots meet, the plane cannot show which is whose."""
-    for number, name in enumerate(joints):
-        entry, cross, circle = summary.joints[name], {"marker": "x", "mew": 1.6}, {"marker": "o", "mfc": "none"}
-        for roots, style in ((entry.poles, cross), (entry.zeros, circle)):
+    cross, circle = {"marker": "x", "mew": 1.6}, {"marker": "o", "mfc": "none"}
+    for row, joint in enumerate(joints):
+        joint_truth = summary.joints[joint]
+        for roots, style in ((joint_truth.poles, cross), (joint_truth.zeros, circle)):
+            # z = 0 is a delay and a negative real z alternates: neither has an image in the strip of the s plane.
             inside = (np.abs(roots) > 1e-6) & ((np.abs(roots.imag) > 1e-9) | (roots.real > 0.0))
             s = np.log(roots[inside].astype(complex)) / summary.truth.dt
             s = s[(s.real < 0.0) & (np.abs(s) < FASTEST / 1.05)]
-            off = APART * np.sign(np.where(np.abs(s.imag) > 1e-6 * np.abs(s), s.imag, 0.0))
-            axes.plot(np.abs(s), -number + off, ls="", ms=7, color=COLOURS[number], **style)
+            # The imaginary part of a real root is rounding.
+            imaginary = np.where(np.abs(s.imag) > 1e-6 * np.abs(s), s.imag, 0.0)
+            axes.plot(np.abs(s), -row + APART * np.sign(imaginary), ls="", ms=7, color=COLOURS[row], **style)
     axes.set(xscale="log", xlim=(SLOWEST, FASTEST), ylim=(0.6 - len(joints), 0.6))
     axes.set_xlabel("modulus in the s plane / (rad/s)")
     axes.set_xticks((1, 2, 5, 10, 20, 50, 100), ("1", "2", "5", "10", "20", "50", "100"))
@@ -143,6 +176,7 @@ def _moduli(axes: Axes, summary: TruthSummary, joints: list[str]) -> None:
 
 
 def _error(axes: Axes, summary: TruthSummary) -> None:
+    """Draw the error of the linear model over amplitude, beside a line in proportion to amplitude."""
     amplitude, error = np.array(sorted(summary.truth.small_signal_error.items())).T
     style = PALETTE["truth"]
     axes.loglog(amplitude, error, color=style.colour, ls=style.line, marker=style.marker, lw=1.6, ms=5)
@@ -156,20 +190,21 @@ def _error(axes: Axes, summary: TruthSummary) -> None:
 
 def _attainable(axes: Axes, summary: TruthSummary) -> None:
     """Draw attainable errors on the record, with their fits in words."""
-    rows = [
-        (f"{short(name)}, {label}", horizon, entry.right_order if label == "simulation" else None)
-        for name, entry in summary.attainable.items()
-        for label, horizon in (("simulation", entry.simulation), ("one step ahead", entry.one_step))
-    ]
-    for number, (label, horizon, right_order) in enumerate(rows):
+    rows: list[tuple[str, Horizon, Floor | None]] = []
+    for joint, limits in summary.attainable.items():
+        rows.append((f"{short(joint)}, simulation", limits.simulation, limits.right_order))
+        rows.append((f"{short(joint)}, one step ahead", limits.one_step, None))
+    for row, (label, horizon, right_order) in enumerate(rows):
         floors = (horizon.any_model, horizon.best_linear, right_order, horizon.small_signal)
-        for (kind, marker, colour), floor in zip(FLOORS, floors, strict=True):
+        for (model_class, marker, colour), floor in zip(FLOORS, floors, strict=True):
             if floor:
                 style: dict[str, Any] = {"marker": marker, "color": colour, "ms": 7, "mfc": "none", "mew": 1.5}
-                axes.plot(1e3 * floor.rmse, -number, ls="", label=None if number else kind, **style)
+                # The first row, a simulation, has every class: it alone feeds the legend.
+                legend_label = None if row else model_class
+                axes.plot(1e3 * floor.rmse, -row, ls="", label=legend_label, **style)
         fits = " / ".join(f"{floor.fit:.2f}" for floor in floors if floor)
-        at = (0.01, 0.2 - number)
-        axes.annotate(f"{label}: fit {fits} %", at, xycoords=axes.get_yaxis_transform(), fontsize=8, color=INK)
+        position = (0.01, 0.2 - row)
+        axes.annotate(f"{label}: fit {fits} %", position, xycoords=axes.get_yaxis_transform(), fontsize=8, color=INK)
     axes.set_yticks(range(0, -len(rows), -1), [""] * len(rows))
     axes.set(xscale="log", ylim=(0.5 - len(rows), 0.6), xlabel="attainable root mean square error / mrad")
     axes.margins(x=0.1)

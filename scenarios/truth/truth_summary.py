@@ -44,7 +44,7 @@ class TruthSummary:
     @property
     def locked(self) -> frozenset[str]:
         """Joints that do not follow their commands."""
-        return frozenset(name for name, entry in self.joints.items() if abs(entry.dc_gain) < LOCKED)
+        return frozenset(name for name, joint_truth in self.joints.items() if abs(joint_truth.dc_gain) < LOCKED)
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb truth --json` prints."""
@@ -57,7 +57,7 @@ class TruthSummary:
             "angles_rad": truth.angles,
             "plant": vars(truth.plant),
             "specimen": truth.specimen.deviations,
-            "joints": {name: self._joint(name) for name in self.joints},
+            "joints": {name: self._joint_record(name) for name in self.joints},
             "small_signal_error": truth.small_signal_error,
             "provenance": truth.provenance,
         }
@@ -70,58 +70,31 @@ class TruthSummary:
             }
         if self.best_linear:
             record["best_linear"] = {
-                name: {
-                    "amplitude_rad": one.experiment.multisines.rms,
-                    "bandwidth_hz": one.bandwidth.path()[0],
-                    "ci95": one.bandwidth.path()[1:],
-                    "distortion_percent": float(one.distortion_percent[0]),
-                    "velocity_limited_share": one.slewing,
-                    "cautions": cautions(one, truth),
-                    "frequency_hz": one.servo.response.frequencies,
-                    "response": one.servo.response.response[:, 0, 0],
-                    "standard_error": np.sqrt(one.servo.total_variance[:, 0, 0]),
-                }
-                for name, one in self.best_linear.items()
+                name: _best_linear_record(approximation, truth) for name, approximation in self.best_linear.items()
             }
         if self.attainable:
-            record["attainable"] = {
-                name: {
-                    "samples": floors.samples,
-                    "chance_takes_off": 1.0 - floors.by_chance(1.0),
-                    "spread_rad": floors.spread,
-                    "mean_error_rad": floors.mean_error,
-                    "simulation": {
-                        **{key: vars(floor) for key, floor in vars(floors.simulation).items()},
-                        "right_order": vars(floors.right_order),
-                    },
-                    "one_step": {key: vars(floor) for key, floor in vars(floors.one_step).items()},
-                    "order": floors.order,
-                }
-                for name, floors in self.attainable.items()
-            }
+            record["attainable"] = {name: _attainable_record(floors) for name, floors in self.attainable.items()}
         return record
 
-    def _joint(self, name: str) -> dict[str, object]:
-        entry, locked = self.joints[name], name in self.locked
+    def _joint_record(self, name: str) -> dict[str, object]:
+        """Return what `hmtb truth --json` prints of one joint."""
+        joint_truth = self.joints[name]
+        locked = name in self.locked
+        bandwidth_hz = None if locked else joint_truth.bandwidth_hz
+        dominant_poles = [] if locked else joint_truth.dominant_poles
+        note = LOCKED_NOTE if locked else None
         record: dict[str, object] = {
-            "bandwidth_hz": None if locked else entry.bandwidth_hz,
-            "dc_gain": entry.dc_gain,
-            "poles": np.asarray(entry.poles, dtype=complex),
-            "zeros": np.asarray(entry.zeros, dtype=complex),
-            "delay_samples": entry.delay_samples,
-            "dominant": [
-                {
-                    "re": float(pole.real),
-                    "im": float(pole.imag),
-                    "hz": float(abs(pole) / (2.0 * np.pi)),
-                    "damping_ratio": damping_ratio(pole),
-                }
-                for pole in ([] if locked else entry.dominant_poles)
-            ],
-            "note": LOCKED_NOTE if locked else None,
+            "bandwidth_hz": bandwidth_hz,
+            "dc_gain": joint_truth.dc_gain,
+            "poles": np.asarray(joint_truth.poles, dtype=complex),
+            "zeros": np.asarray(joint_truth.zeros, dtype=complex),
+            "delay_samples": joint_truth.delay_samples,
+            "dominant": [_pole_record(pole) for pole in dominant_poles],
+            "note": note,
         }
-        if self.truth.plant.process_noise and entry.model.innovation_covariance is not None:
-            record["innovation_sd_rad"] = float(np.sqrt(entry.model.innovation_covariance[0, 0]))
+        # Without process noise the innovations are the recorder's noise, which says nothing of the joint.
+        if self.truth.plant.process_noise and joint_truth.model.innovation_covariance is not None:
+            record["innovation_sd_rad"] = float(np.sqrt(joint_truth.model.innovation_covariance[0, 0]))
         if name in self.hydraulics:
             oil = self.hydraulics[name]
             record["hydraulics"] = {
@@ -134,12 +107,55 @@ class TruthSummary:
         return record
 
 
+def _pole_record(pole: complex) -> dict[str, float]:
+    """Describe a pole in the s plane, rad/s, by its parts, its frequency and its damping."""
+    return {
+        "re": float(pole.real),
+        "im": float(pole.imag),
+        "hz": float(abs(pole) / (2.0 * np.pi)),
+        "damping_ratio": damping_ratio(pole),
+    }
+
+
+def _best_linear_record(approximation: BestLinearTruth, truth: Truth) -> dict[str, object]:
+    """Return what `hmtb truth --bla --json` prints of one joint."""
+    hz, *ci95 = approximation.bandwidth.path()
+    servo = approximation.servo
+    return {
+        "amplitude_rad": approximation.experiment.multisines.rms,
+        "bandwidth_hz": hz,
+        "ci95": tuple(ci95),
+        "distortion_percent": float(approximation.distortion_percent[0]),
+        "velocity_limited_share": approximation.slewing,
+        "cautions": cautions(approximation, truth),
+        "frequency_hz": servo.response.frequencies,
+        "response": servo.response.response[:, 0, 0],
+        "standard_error": np.sqrt(servo.total_variance[:, 0, 0]),
+    }
+
+
+def _attainable_record(floors: Attainable) -> dict[str, object]:
+    """Return what `hmtb truth --data --json` prints of one joint."""
+    simulation = {name: vars(floor) for name, floor in vars(floors.simulation).items()}
+    return {
+        "samples": floors.samples,
+        "chance_takes_off": 1.0 - floors.by_chance(1.0),
+        "spread_rad": floors.spread,
+        "mean_error_rad": floors.mean_error,
+        "simulation": {**simulation, "right_order": vars(floors.right_order)},
+        "one_step": {name: vars(floor) for name, floor in vars(floors.one_step).items()},
+        "order": floors.order,
+    }
+
+
 def truth_summary(arm: Arm, truth: Truth) -> TruthSummary:
     """Return the summary of an arm and its small-signal truth."""
     hydraulics = {}
+    # Orifices have no linear law of load and flow, hence no spring and damper of their own.
     if hydraulic(arm) and arm.plant.actuator == "linear":
-        inertia = np.diag(arm.inertia(truth.angles))
-        hydraulics = {name: linear_hydraulics(arm.actuators[name], float(inertia[k])) for k, name in enumerate(JOINTS)}
+        inertias = np.diag(arm.inertia(truth.angles))
+        for name, inertia in zip(JOINTS, inertias, strict=True):
+            hydraulics[name] = linear_hydraulics(arm.actuators[name], float(inertia))
     return TruthSummary(arm, truth, {name: truth.joint(name) for name in JOINTS}, hydraulics)
 
 
@@ -170,32 +186,41 @@ def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
         departures: Leave out what is nominal; the text is empty where all is.
     """
     plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
-    texts = [
-        (plant.actuator != nominal.actuator, f"{plant.actuator} actuators" if oil else "electric drives"),
-        (plant.servo != nominal.servo, f"servo {servo_law(variant_named(arm.variant), plant)}"),
+    drives = f"{plant.actuator} actuators" if oil else "electric drives"
+    servo = servo_law(variant_named(arm.variant), plant)
+    # Whether a condition departs from the nominal one, and its description.
+    conditions = [
+        (plant.actuator != nominal.actuator, drives),
+        (plant.servo != nominal.servo, f"servo {servo}"),
         (plant.friction != nominal.friction, f"friction {plant.friction}"),
     ]
     if arm.friction and plant.friction_level != nominal.friction_level:
-        texts.append((True, f"dry friction {plant.friction_level:g} times the arm's"))
+        conditions.append((True, f"dry friction {plant.friction_level:g} times the arm's"))
     if oil:
         pressure, celsius = plant.supply_pressure, plant.oil_temperature
-        texts.append((pressure != nominal.supply_pressure, f"supply pressure {pressure:g} MPa"))
-        texts.append((celsius != nominal.oil_temperature, f"oil at {celsius:g} °C"))
+        conditions.append((pressure != nominal.supply_pressure, f"supply pressure {pressure:g} MPa"))
+        conditions.append((celsius != nominal.oil_temperature, f"oil at {celsius:g} °C"))
     if plant.process_noise:
-        texts.append((True, f"process noise {plant.process_noise:g} of the rated torque"))
+        conditions.append((True, f"process noise {plant.process_noise:g} of the rated torque"))
     # By name: a value for each body would fill the page.
-    if names := [name.replace("_", " ") for name in arm.specimen.deviations]:
-        texts.append((True, f"a specimen whose {', '.join(names)} deviate"))
-    return ", ".join(text for departs, text in texts if departs or not departures)
+    deviations = [name.replace("_", " ") for name in arm.specimen.deviations]
+    if deviations:
+        conditions.append((True, f"a specimen whose {', '.join(deviations)} deviate"))
+    return ", ".join(description for departs, description in conditions if departs or not departures)
 
 
 def pose_in_words(truth: Truth) -> str:
     """Return the pose's name, or its angles in degrees."""
     if truth.pose != "given angles":
         return truth.pose
-    return ",".join(f"{angle:g}" for angle in np.round(np.degrees(truth.angles), 6)) + " deg"
+    # Degrees pass through radians: rounding shows the number that was asked for.
+    degrees = np.round(np.degrees(truth.angles), 6)
+    return ",".join(f"{angle:g}" for angle in degrees) + " deg"
 
 
 def damping_ratio(pole: complex) -> float:
     """Return the damping ratio of a pole in the s plane: 1 where it is real and stable."""
-    return float(-pole.real / abs(pole)) if abs(pole.imag) > 1e-9 * abs(pole) else float(np.sign(-pole.real))
+    # The imaginary part of a real pole is rounding of the eigenvalues; its quotient would fall a little short of one.
+    if abs(pole.imag) <= 1e-9 * abs(pole):
+        return float(np.sign(-pole.real))
+    return float(-pole.real / abs(pole))
