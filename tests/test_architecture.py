@@ -239,16 +239,21 @@ def test_every_cited_reference_is_listed():
     assert not missing, f"docs/references.md lacks {missing}, it has {sorted(listed)}"
 
 
-def test_the_page_of_architecture_lists_every_room_and_only_paths_that_exist():
+def test_the_page_of_architecture_lists_every_room():
     page = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| `(\w+)` \| (.*) \|$", page, re.M)
     rooms = [(package, room) for package in ("sysid", "hmtb_twin", "scenarios") for room in ROOMS[package]]
     docs = [importlib.import_module(f"{package}.{room}").__doc__ or "" for package, room in rooms]
     first = [" ".join(doc.partition("\n\n")[0].split()) for doc in docs]
     assert listed == [(room, line) for (_, room), line in zip(rooms, first, strict=True)]
+
+
+@pytest.mark.parametrize("name", ["docs/architecture.md", "CONTRIBUTING.md"])
+def test_pages_on_the_code_name_only_paths_that_exist(name):
+    page = (ROOT / name).read_text(encoding="utf-8")
     named = re.findall(r"`((?:sysid|hmtb_twin|scenarios|models|tests)/[\w/.]+)`", page)
     missing = [path for path in named if "NAME" not in path and not list(ROOT.glob(f"{path}*"))]
-    assert not missing, f"docs/architecture.md names {missing}"
+    assert not missing, f"{name} names {missing}"
 
 
 @pytest.mark.parametrize("name", [module.dotted for module in MODULES if module.path.stem == "__init__"])
