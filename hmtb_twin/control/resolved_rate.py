@@ -252,7 +252,7 @@ class ResolvedRate:
     def _slide(
         self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int]
     ) -> CartesianStep:
-        """Return the command that brings the tool nearest to where it is wanted, joints at the ends of their ranges.
+        """Return the command that brings the tool nearest to its target when joints are at the ends of their ranges.
 
         The ranges bound the linear step; what its curvature adds is taken back by Newton's method on the joints beyond.
         """

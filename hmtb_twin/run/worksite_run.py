@@ -65,7 +65,7 @@ class WorksiteRun:
         return self._touch.max(axis=1, keepdims=True)
 
     def look(self, i: int) -> UnitView:
-        """Return the view of the unit of simulation i."""
+        """Return where the unit of simulation i is, and whether it is held."""
         position, rotation = self._unit_frame(i)
         return UnitView(position.copy(), rotation.copy(), bool(self.held[i]))
 

@@ -121,7 +121,7 @@ def interleaved(jobs: Iterable[RecordJob]) -> tuple[RecordJob, ...]:
 
 
 def twin_trials(jobs: Iterable[RecordJob]) -> list[Trial]:
-    """Trials of those records of jobs that come from the physics."""
+    """Trials of the jobs whose records are simulated with the arm."""
     return [Trial(job.problem, job.draw) for job in jobs if job.problem.startswith(TWIN)]
 
 

@@ -137,7 +137,7 @@ def listed(problems: Sequence[str]) -> str:
 
 
 def ranked(paths: Iterable[Path]) -> tuple[LeaderboardRow, ...]:
-    """Read results and put them in order.
+    """Read results of the test bench and rank the estimators.
 
     Args:
         paths: Files, or folders of which all `*.json` are read.

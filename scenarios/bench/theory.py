@@ -81,7 +81,7 @@ def expectation(estimator: Estimator, name: str, metric: str) -> Expectation:
 
 @lru_cache(maxsize=1024)
 def limitation(method: str | None, structure: str | None, name: str) -> Limitation | None:
-    """The limitation of a method in a structure on a problem; None: there is none.
+    """Known limitation of a method with models of a structure on a problem, or None.
 
     Args:
         method: One of `scenarios.estimators.estimator.METHODS`, or None.

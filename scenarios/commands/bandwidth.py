@@ -144,7 +144,7 @@ def _check_data(data: Sequence[Path] | None, of_arm: Sequence[str]) -> None:
 
 
 def _seeds(first: int | None, count: int | None) -> tuple[int | None, ...]:
-    """Seeds of the records; None stands for the scenario's own, of a single record without --seed."""
+    """Seeds of the records; a single record without --seed keeps the scenario's seed, None."""
     from scenarios.experiments.waveform import seed_range
 
     if first is None and count in (None, 1):

@@ -98,7 +98,7 @@ def _floors_as_json(floors: Attainable) -> dict[str, Any]:
 
 
 def _rows(spec: DataSetSpec, planned: PlannedExperiment, folder: Path) -> Iterator[dict[str, str]]:
-    """Rows of a record, one per joint."""
+    """Rows of attainable scores of a record, one per joint."""
     path = folder / planned.attainable
     # Of each class only as many records were searched as the spec says.
     floors = json.loads(path.read_bytes())["joints"] if path.is_file() else {}

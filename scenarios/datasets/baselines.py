@@ -311,7 +311,7 @@ def _empty_row(data: BaselineData, method: Method) -> dict[str, str]:
 
 
 def _row_of_scores(data: BaselineData, result: Baseline) -> dict[str, str]:
-    """The cells of a row that a result fills."""
+    """Cells of a row of baselines.csv that come from a result: scores, training records, twins."""
     trained = set(result.trained)
     blocks = dict.fromkeys(record.block for record in data.train if record.name in trained)
     trained_on = f"{' and '.join(blocks)} ({len(trained)})" if trained else ""

@@ -35,7 +35,7 @@ RESPONSE_STEPS = 100
 
 
 class DataSetCheck(NamedTuple):
-    """Result of a check.
+    """Result of checking a data set.
 
     Attributes:
         problems: One line for each thing that differs from what it should be.

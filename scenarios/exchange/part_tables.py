@@ -116,7 +116,7 @@ class PartTables:
             (self._folder / "datasheet.md").write_bytes(datasheet.read_bytes())
 
     def _context(self) -> dict[str, Any]:
-        """What card and catalogue entry are rendered from."""
+        """Template variables of the card README.md and of croissant.json."""
         parts, objects = [], []
         for part in PARTS:
             if part in self._tables:

@@ -34,7 +34,7 @@ class Recipe:
 
 
 def excitation_recipe(excitation: Excitation, file: str) -> Recipe:
-    """Return command and Python that give the numbers of an excitation, its points from a file if they are its own."""
+    """Return the command and the Python code that reproduce an excitation; points of a user's own come from a file."""
     lines = ["from scenarios.experiments import Excitation"]
     lines += ["from scenarios.experiments.excitation_review import excitation_summary"]
     arguments = signature(KINDS[excitation.kind]).parameters

@@ -33,7 +33,7 @@ def versions() -> dict[str, str]:
 
 
 def _of_source() -> str:
-    """Our version where the source runs without having been installed; it stands in the project's own file."""
+    """Version of this package in `pyproject.toml`, for source that runs without being installed."""
     project = Path(str(resources.files("hmtb_twin"))).parent / "pyproject.toml"
     try:
         release = read_toml(project.read_text(encoding="utf-8"), project.name)["project"]["version"]

@@ -93,7 +93,7 @@ class HammersteinLoop:
     spread: float
 
     def simulated(self, theta: np.ndarray, own: np.ndarray, record: IOData) -> tuple[np.ndarray, np.ndarray]:
-        """Simulate a record; `own` is its level and the angle z at which the joint stood before it (2,), rad."""
+        """Simulate a record; `own` holds its level and the angle z where the joint stood before (2,), rad."""
         level, standing = own
         u = record.u[:, 0] - self.command
         z, slopes = simulate_loop(theta[: self.nb], theta[self.nb :], self.width, u, standing)

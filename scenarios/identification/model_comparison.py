@@ -45,7 +45,7 @@ class JudgedModel:
 
     @property
     def item(self) -> Estimate | StateSpace:
-        """What figures of responses and poles draw: an estimate with its intervals, or a model alone."""
+        """The estimate, drawn with its intervals in figures of responses and poles, or a model without intervals."""
         return self.model.input_path() if self.identification is None else self.identification.fitted.estimate
 
     def bandwidth_cells(self, output: int, input: int) -> tuple[str, str]:

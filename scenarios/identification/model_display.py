@@ -137,7 +137,7 @@ def model_list(models: Sequence[IdentifiedModel], known: Sequence[JudgedModel]) 
 
 
 def _list_row(judged: JudgedModel) -> tuple[str, str, str, str]:
-    """Name, fit in simulation, bandwidth and 95 % interval; of several paths none stands for all."""
+    """Name, fit in simulation, bandwidth and 95 % interval; with several paths no single bandwidth is shown."""
     fits = ", ".join(f"{value:.2f}" for value in judged.fit.simulation)
     if judged.bandwidth_hz.size > 1:
         return judged.label, fits, "several", ""

@@ -144,7 +144,7 @@ def published_in_words(joints: Iterable[str]) -> str:
 
 
 def grouped(rows: Iterable[Item], key: Callable[[Item], Key]) -> dict[Key, list[Item]]:
-    """Group rows by a key, its values in the order in which they come first."""
+    """Group rows by a key, groups in the order of their first rows."""
     groups: dict[Key, list[Item]] = {}
     for row in rows:
         groups.setdefault(key(row), []).append(row)

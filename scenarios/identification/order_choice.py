@@ -66,8 +66,9 @@ def choose_and_identify(
 
 
 def _about_operating_point(records: Sequence[IOData]) -> Sequence[IOData]:
-    """Subtract the operating point; about the means alone, candidates take the offset of a transient for dynamics.
+    """Subtract the operating point, estimated with a model: a mean would include the transient at the start.
 
+    About the means alone, candidates of high order fit the offset of the transient as if it were dynamics.
     Without noise, orders that are too high fit any offset by a pole at one that a zero cancels.
     """
     about = subtract_means(records)

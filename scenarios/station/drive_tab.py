@@ -232,7 +232,7 @@ class DriveTab:
             self._pad.show(self.drive.mode, self.drive.stick.volts())
 
     def done(self, log: JointLog | None, why: str | None) -> None:
-        """Keep the record of a drive and say how it went."""
+        """Keep the record of a drive that has ended, and show its outcome."""
         with self._lock:
             self.drive = None
             lines = [f"failed: {why}"] if why else []

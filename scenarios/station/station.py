@@ -118,7 +118,7 @@ class Station(Desk):
                 return
 
     def _build(self, client: "viser.ClientHandle") -> None:
-        """Build the tabs in the browser that steers; what was entered and made before is in the session."""
+        """Build the tabs in the browser that controls the station; the session restores earlier entries."""
         self.session.forget_watchers()
         tabs = client.gui.add_tab_group()
         for tab in TABS:

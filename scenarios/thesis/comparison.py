@@ -151,7 +151,7 @@ class Comparison:
 
     @property
     def failed(self) -> Mapping[str, str]:
-        """Experiments that failed, with the reason, those on other arms with the arm."""
+        """Failed experiments and their reasons; names from other arms than the study's include the arm."""
         reasons = dict(self.campaign.failed)
         for campaign in self.campaigns[1:]:
             # Every arm plays scenarios of the same names.

@@ -14,7 +14,7 @@ LEAST = 1e-4
 
 
 def every_joint_section(study: Comparison) -> dict[str, object]:
-    """Variables of the template of this section; none where the study has no seven-joint model."""
+    """Template variables of the section on the seven-joint model; none where the study has no such model."""
     seven = study.every_joint
     if seven is None:
         return {}

@@ -161,7 +161,7 @@ def percent(value: float) -> str:
 
 
 def fairness_section(study: Comparison) -> dict[str, object]:
-    """Variables of the template of this section."""
+    """Template variables of the section on the fair comparison of the methods."""
     arms = study.fairness
     concluded = conclusions(arms)
     models: dict[str, tuple[FairModel, ...]] = {}

@@ -118,7 +118,7 @@ def _models(joint: str, campaign: Campaign) -> tuple[FairModel, ...]:
 
 
 def _sufficient_structure(joint: str) -> Structure:
-    """The output-error structure of sufficient order without friction, which is none of the thesis'."""
+    """Output-error structure whose order suffices for the arm without friction; the thesis does not use it."""
     return STRUCTURES[joint][-1]
 
 

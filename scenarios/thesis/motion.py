@@ -117,7 +117,7 @@ class MotionCampaign:
 
     @classmethod
     def quick(cls) -> "MotionCampaign":
-        """Return a coarse look: one servo, the nominal chain, two frictions, two seeds, no multisines."""
+        """Return a coarse campaign: one servo, the nominal chain, two frictions, two seeds, no multisines."""
         return cls(
             servos=("flow",),
             frictions=(0.0007, 0.006),

@@ -123,11 +123,11 @@ def missing_fit_shares(study: Comparison, joint: str, record: str, fit: float) -
 
 
 def remarks(study: Comparison, differences: Mapping[str, float]) -> dict[str, object]:
-    """In words: which differences of fits are `ties`, and where the SysID model cannot predict (`noise`)."""
+    """Describe which differences of fits are ties (`ties`) and which SysID models cannot predict (`noise`)."""
     return {"ties": ties(differences), "noise": without_noise_model(study.multivariable.pair()[0])}
 
 
 def ties(differences: Mapping[str, float]) -> str:
-    """In words: which differences of fits are ties; nothing where none is."""
+    """Name the joints whose fits differ too little to rank the methods."""
     joints = [name.replace("_", " ") for name, value in differences.items() if tied(value)]
     return f"tied: {'; '.join(joints)}" if joints else "nothing is tied"

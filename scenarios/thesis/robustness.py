@@ -170,7 +170,7 @@ def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutc
 
 
 def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str, treatment: str = AS_IT_IS[0]) -> str:
-    """Describe the largest degree of a disturbance up to which every one tried leaves a comparable model.
+    """Describe the largest degree of a disturbance that a method tolerates: the model stays comparable up to there.
 
     Such as "up to 2", "all, up to 5", "none", or a dash where it was not tried.
     """

@@ -96,7 +96,7 @@ class Steps:
 
     @contextmanager
     def step(self, name: str) -> Iterator[Part]:
-        """Report a planned step: its start, what it reports of itself, and its end, whose wall time `seconds` holds."""
+        """Report start, progress and end of a planned step; `seconds` keeps its wall time."""
         before = latest = self._done
         cost = self.costs[name]
         began = perf_counter()

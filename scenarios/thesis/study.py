@@ -89,7 +89,7 @@ def run_study(
 
 
 def _check(conditions: Sequence[Condition], duration: float | None) -> None:
-    """Refuse arms and durations of which no study can be made, before minutes of simulation."""
+    """Refuse arms and durations that allow no study, before minutes of simulation are spent."""
     if not conditions:
         raise ScenarioError("no arms given: the study needs at least the one that it is about")
     if not conditions[0].friction:

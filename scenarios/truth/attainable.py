@@ -115,7 +115,7 @@ def attainable(
     window: int = 0,
     steps: int | None = None,
 ) -> Attainable:
-    """Return the floors of one joint on one record.
+    """Return the smallest errors that models of one joint can attain on one record.
 
     Args:
         record: A log of the twin: it knows the noise-free angles, the arm and its conditions.

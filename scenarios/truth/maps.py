@@ -136,7 +136,7 @@ def maps(
     threads: int | None = None,
     stage: Stage = lambda label: nullcontext(lambda done, total: None),
 ) -> Maps:
-    """Make the maps of one arm.
+    """Compute the maps of one arm: how its dynamics vary with pose, payload, supply, oil, amplitude and friction.
 
     Args:
         arm: The arm.

@@ -262,7 +262,7 @@ def _bank(x: FloatArray, count: int, pole: float) -> FloatArray:
 
 
 def _laguerre(count: int, pole: float, signals: int) -> tuple[FloatArray, FloatArray]:
-    """A and B of the functions in `_bank`: they are the next state, A x + B v."""
+    """State matrices A and B of the Laguerre functions in `_bank`, which are the state x(t+1) = A x(t) + B v(t)."""
     of_signal = all_pass(np.full(count, complex(pole)))
     eye = np.eye(signals)
     return np.asarray(np.kron(eye, of_signal.F)), np.asarray(np.kron(eye, of_signal.b[:, None]))

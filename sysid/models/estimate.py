@@ -326,10 +326,11 @@ class Estimate(Labelled, Locked):
         return self._frequency_response(f, of_response), self._bandwidth(hz, of_ratios)
 
     def _moves(self, f: FloatArray, hz: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Changes per standard direction, with one realisation of each model.
+        """Changes of response and bandwidth per standard direction of the parameters.
 
-        The first are those of real and imaginary part of the response at `f` (p, nf, ny, nu, 2), the second those of
-        log(|G(hz)|^2 / |G(0)|^2) (p, m), one for each finite bandwidth in `hz` (ny, nu).
+        Each perturbed model is realised only once for both. The first are those of real and imaginary part of the
+        response at `f` (p, nf, ny, nu, 2), the second those of log(|G(hz)|^2 / |G(0)|^2) (p, m), one for each finite
+        bandwidth in `hz` (ny, nu).
         """
         shape = (len(f), self.model.ny, self.model.nu, 2)
         entries_of_response = math.prod(shape)

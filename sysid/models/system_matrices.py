@@ -76,7 +76,7 @@ def transmission_zeros(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArra
 
 
 def _norm(matrix: FloatArray, D: FloatArray) -> float:
-    """Size of an input or output matrix; that of D, at least one, where there are no states to reach."""
+    """Norm of an input or output matrix; where it is zero, the norm of D, at least one."""
     norm = float(np.linalg.norm(matrix)) if matrix.size else 0.0
     return norm if norm > 0.0 else max(float(np.linalg.norm(D)), 1.0)
 

@@ -85,7 +85,7 @@ def initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator
 
 
 def armax_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
-    """ARMAX: Hannan-Rissanen with two long ARX orders, long ARX models simulated and reduced, and ARX."""
+    """Initial estimates of ARMAX: Hannan-Rissanen of two long ARX orders, simulated and reduced long ARX, and ARX."""
     y = [e.y[:, 0] for e in experiments]
     u = [e.u for e in experiments]
     rows = [orders.first_row(e.window) for e in experiments]

@@ -37,7 +37,9 @@ def checked_kernel(kernel: str) -> Kernel:
 
 
 def kernel_root(kernel: Kernel, n: int, eta: FloatArray) -> FloatArray:
-    """Square root L of a kernel, P = L L', (n, n), of "ss" (n, 2 n); eta is log c, log(-log l), and of "dc" artanh r.
+    """Square root L of a kernel P = L L', of shape (n, n), or (n, 2 n) for "ss".
+
+    The hyperparameters eta are log c, log(-log l) and, for "dc" alone, artanh r.
 
     With lags i, j = 1..n and decay l: TC c l^max(i, j); DC c l^((i + j)/2) r^|i - j|; SS (stable spline) c (l^(i + j +
     max(i, j))/2 - l^(3 max(i, j))/6) [ChenOhlssonLjung2012, eq. 31, 37, 38].

@@ -83,7 +83,7 @@ class _ReadingProcess:
         weakref.finalize(self, _end, self._process, os.getpid())
 
     def ask(self, function: str, *arguments: object) -> dict[str, Any]:
-        """Call a function; a process that ends over it is an answer too."""
+        """Call a function in the reading process; if that process dies, return an error in place of the result."""
         requests, answers = cast(IO[bytes], self._process.stdin), cast(IO[bytes], self._process.stdout)
         request = {
             "function": function,

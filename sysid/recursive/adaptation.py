@@ -111,7 +111,7 @@ class Forgetting(Adaptation):
         return memory @ memory.T
 
     def prior(self, covariance: FloatArray, variance: float) -> FloatArray:
-        """The covariance for errors of unit variance."""
+        """The covariance of the parameters, scaled to errors of unit variance."""
         return covariance / variance
 
     def decay(self, steps: int) -> float:

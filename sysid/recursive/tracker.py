@@ -170,7 +170,7 @@ class Tracker:
         self._begin_recursion(fits)
 
     def _calibration_fits(self) -> list[StretchFit]:
-        """Models of the calibration by degree, for the colour of the disturbance that it shows."""
+        """Fit models of each degree to the calibration stretch, after estimating the disturbance's colour from it."""
         u, y = np.array(self._u), np.array(self._y)
         highest = max(len(y) // SHORTEST // 3, 2)
         degrees = range(min(2, self.order), min(self.order, highest) + 1)
