@@ -178,6 +178,7 @@ class Arm:
         command = angles
         angles, data.act[:] = self._settled(command)
         if not self.specimen.as_designed:
+            # A specimen of another weight rests elsewhere than commanded.
             self._check_load(angles)
         data.qpos[: len(JOINTS)] = angles
         if self.worksite:
@@ -195,16 +196,15 @@ class Arm:
         needed = np.abs(self.weight(angles))
         # The leakage of servo valves at rest is known only after their balance is solved.
         valves = self.plant.actuator == "orifice"
-        drives = [self.drives[name] for name in JOINTS]
-        available = [drive.maximum_torque if valves else drive.motor.holding_torque for drive in drives]
-        short = [
-            f"{name.replace('_', ' ')} needs {torque:.0f} N m and has {most:.0f}"
-            for name, torque, most in zip(JOINTS, needed, available, strict=True)
-            if name not in self.indexed and torque >= most
-        ]
-        if short:
+        overloads = []
+        for name, torque in zip(JOINTS, needed, strict=True):
+            drive = self.drives[name]
+            available = drive.maximum_torque if valves else drive.motor.holding_torque
+            if name not in self.indexed and torque >= available:
+                overloads.append(f"{name.replace('_', ' ')} needs {torque:.0f} N m and has {available:.0f}")
+        if overloads:
             pressure = f"at {self.plant.supply_pressure:g} MPa " if self.drives_kind == "hydraulic" else ""
-            raise OverloadError(f"{pressure}the drives cannot hold the arm at this pose: {', '.join(short)}")
+            raise OverloadError(f"{pressure}the drives cannot hold the arm at this pose: {', '.join(overloads)}")
 
     def _settled(self, command: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return angles (7,), rad, and activations at which the commanded arm rests."""
@@ -215,8 +215,9 @@ class Arm:
             # The feedforward torque is exactly the weight.
             return command, self._activations(feedforward)
         p = drive_parameters(self.model)
-        opened, resisted = p[:, eq.FEED] + p[:, eq.PRESSURE_GAIN], p[:, eq.SLOPE] + p[:, eq.PRESSURE_GAIN]
-        stiffness = p[:, eq.STIFFNESS] * opened / resisted
+        # At rest no flow: (F + G) u / D + (S + G) f / D = (S + G) P, with the symbols of `servo_flow`.
+        flow_gain, pressure_loss = p[:, eq.FEED] + p[:, eq.PRESSURE_GAIN], p[:, eq.SLOPE] + p[:, eq.PRESSURE_GAIN]
+        stiffness = p[:, eq.STIFFNESS] * flow_gain / pressure_loss
         angles, torque = drooping(self._load, command, feedforward, stiffness, pin_stiffnesses(self.model))
         return angles, self._activations(torque)
 
@@ -325,18 +326,21 @@ def check_arm(
 @lru_cache(maxsize=64)
 def _drives(variant: Variant, plant: Plant, specimen: Specimen) -> Mapping[str, Drive]:
     """The drive of each joint, computed once for all experiments on an arm: each of them checks it."""
-    return MappingProxyType(
-        {joint: specimen.applied(joint, plant.applied(drive)) for joint, drive in variant.actuators.items()}
-    )
+    drives = {}
+    for joint, drive in variant.actuators.items():
+        drives[joint] = specimen.applied(joint, plant.applied(drive))
+    return MappingProxyType(drives)
 
 
 @lru_cache(maxsize=64)
 def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
     variant = variant_named(name)
     drives = _drives(variant, plant, specimen)
+    # Tuned for the variant: a specimen's own weights are unknown to whoever tunes its servos.
     gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant, plant).items()}
+    model = compile_arm(name, payload, plant, specimen, drives, gains, worksite)
     return Arm(
-        model=compile_arm(name, payload, plant, specimen, drives, gains, worksite),
+        model=model,
         controller=controller_model(payload, name),
         variant=name,
         payload=payload,

@@ -95,11 +95,11 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
     """
     law = servo_law(variant, plant)
     inertia = np.diag(controller_model("rpcm", variant.name).inertia_matrix(np.array(POSES[OPERATING_POSE])))
-    gains = {
-        name: servo_gains(float(seen), variant.servos[name], variant.actuators[name], law)
-        for name, seen in zip(JOINTS, inertia, strict=True)
-    }
+    gains = {}
+    for name, joint_inertia in zip(JOINTS, inertia, strict=True):
+        gains[name] = servo_gains(float(joint_inertia), variant.servos[name], variant.actuators[name], law)
     for name, drive in variant.actuators.items():
+        # The servo has no integral action: a smaller error leaves the joint stuck.
         dead_zone = drive.breakaway_torque / gains[name].kp
         if law == variant.servo and dead_zone >= HAND_CONTROLLER.gain and name not in variant.indexed:
             raise TwinError(

@@ -16,7 +16,7 @@ def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
     """Return one coloured mesh in the frame of each body that has visible geoms, by the body's number."""
     import trimesh
 
-    parts: dict[int, list[trimesh.Trimesh]] = {}
+    meshes: dict[int, list[trimesh.Trimesh]] = {}
     for geom in range(model.ngeom):
         if model.geom_group[geom] not in SHOWN:
             continue
@@ -27,25 +27,31 @@ def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
         pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), model.geom_pos[geom]
         mesh.apply_transform(pose)
         material = model.geom_matid[geom]
+        # As in MuJoCo, a material's colour takes precedence over the geom's own.
         rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
         if rgba[3] == 0.0:
             continue
         mesh.visual = trimesh.visual.ColorVisuals(mesh, face_colors=np.rint(255 * rgba).astype(np.uint8))
-        parts.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
-    return {body: cast(trimesh.Trimesh, trimesh.util.concatenate(meshes)) for body, meshes in parts.items()}
+        meshes.setdefault(int(model.geom_bodyid[geom]), []).append(mesh)
+    bodies = {}
+    for body, body_parts in meshes.items():
+        bodies[body] = cast(trimesh.Trimesh, trimesh.util.concatenate(body_parts))
+    return bodies
 
 
-def _geom_mesh(kind: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
+def _geom_mesh(shape: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
+    """Return the mesh of a geom in its own frame; MuJoCo's sizes are halves."""
     from trimesh import creation
 
-    if kind == mujoco.mjtGeom.mjGEOM_BOX:
+    if shape == mujoco.mjtGeom.mjGEOM_BOX:
         return creation.box(2.0 * size)
-    if kind == mujoco.mjtGeom.mjGEOM_SPHERE:
+    if shape == mujoco.mjtGeom.mjGEOM_SPHERE:
         return creation.icosphere(subdivisions=2, radius=size[0])
-    if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
+    if shape == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return creation.cylinder(size[0], 2.0 * size[1], sections=32)
-    if kind == mujoco.mjtGeom.mjGEOM_CAPSULE:
+    if shape == mujoco.mjtGeom.mjGEOM_CAPSULE:
         return creation.capsule(2.0 * size[1], size[0], count=(16, 24))
-    if kind == mujoco.mjtGeom.mjGEOM_PLANE:
+    if shape == mujoco.mjtGeom.mjGEOM_PLANE:
+        # A size of zero means an infinite plane: ten metres do for an arm.
         return creation.box((2.0 * (size[0] or 5.0), 2.0 * (size[1] or 5.0), 0.002))
-    raise ValueError(f"a geom of type {kind.name} has no shape here; expected box, sphere, cylinder, capsule or plane")
+    raise ValueError(f"a geom of type {shape.name} has no shape here; expected box, sphere, cylinder, capsule or plane")

@@ -78,7 +78,7 @@ class Stage:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+        self, error_type: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Free the graphics."""
         self._renderer.free()
@@ -113,6 +113,7 @@ class Stage:
         picture = np.empty((self._window.height, self._window.width, 3), dtype=np.uint8)
         mujoco.mjr_render(self._window, self._scene, self._renderer)
         mujoco.mjr_readPixels(picture, None, self._window, self._renderer)
+        # OpenGL counts rows from below.
         return picture[::-1].copy()
 
 
@@ -139,8 +140,10 @@ def render(
     Raises:
         TwinError: There is no such camera, or this machine has no OpenGL; the message says what to install.
     """
+    if angles is None:
+        angles = arm.pose(OPERATING_POSE)
     with Stage(arm, width, height) as stage:
-        return stage.picture(camera, arm.pose(OPERATING_POSE) if angles is None else angles)
+        return stage.picture(camera, angles)
 
 
 def _opengl_context(width: int, height: int) -> Any:

@@ -69,9 +69,12 @@ def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
     if names:
         links = [spec.body(BODIES[name]) for name in LINK_NAMES]
         masses, centres, inertias = specimen.bodies(
-            *(np.array([getattr(link, entry) for link in links]) for entry in ("mass", "ipos", "inertia"))
+            np.array([link.mass for link in links]),
+            np.array([link.ipos for link in links]),
+            np.array([link.inertia for link in links]),
         )
         moments, axes = np.linalg.eigh(inertias)
+        # Eigenvectors may be left-handed, which no quaternion is.
         axes[np.linalg.det(axes) < 0.0, :, 0] *= -1.0
         for i in map(LINK_NAMES.index, names):
             links[i].mass, links[i].ipos = masses[i], centres[i]
@@ -110,14 +113,14 @@ def _other_links(variant: Variant) -> Iterator[tuple[str, Link]]:
 
 
 def _write_inertia(body: ElementTree.Element, mass: float, centre: float, shape: Link | Payload) -> None:
-    moments = (
-        shape.inertia
-        if isinstance(shape, Payload)
-        else (shape.axial_inertia, shape.transverse_inertia, shape.transverse_inertia)
-    )
+    if isinstance(shape, Payload):
+        moments = shape.inertia
+    else:
+        moments = (shape.axial_inertia, shape.transverse_inertia, shape.transverse_inertia)
     inertial = body.find("inertial")
     if inertial is None:
         raise ValueError(f"body {body.get('name')!r} of hmtb.xml has no <inertial>")
+    # All digits: the controller must know exactly the bodies that MuJoCo simulates.
     inertial.set("mass", repr(mass))
     inertial.set("pos", f"{centre!r} 0 0")
     inertial.set("diaginertia", " ".join(map(repr, moments)))

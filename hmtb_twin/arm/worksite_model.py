@@ -1,6 +1,7 @@
 """The arm at its worksite: the replacement unit as a free body with a latch, and contact where it is needed."""
 
 import mujoco
+import numpy as np
 
 from hmtb_twin.parameters.payloads import LATCH, TOUCH, UNIT
 from hmtb_twin.parameters.resources import model_file
@@ -46,11 +47,26 @@ def worksite_spec(timestep: float) -> mujoco.MjSpec:
 def _free(spec: mujoco.MjSpec) -> None:
     """Separate the unit from the end effector; give it a free joint, a latch and a touch sensor."""
     fixed = spec.body(UNIT_BODY)
-    unit = spec.worldbody.add_body(
+    grip = fixed.pos.copy()
+    unit = _add_copy(spec, fixed)
+    spec.delete(fixed)
+    # Named only now: two bodies of one name are an error.
+    unit.name = UNIT_BODY
+    unit.add_freejoint(name=UNIT_BODY)
+    body = unit.geoms[0]
+    body.contype = 1
+    _touching(body)
+    _add_touch_sensor(spec, unit)
+    _add_latch(spec, grip)
+
+
+def _add_copy(spec: mujoco.MjSpec, fixed: mujoco.MjsBody) -> mujoco.MjsBody:
+    """Add a body to the world with mass and shapes of a given one; nothing touches it yet."""
+    copy = spec.worldbody.add_body(
         mass=fixed.mass, ipos=fixed.ipos, iquat=fixed.iquat, inertia=fixed.inertia, explicitinertial=True
     )
     for geom in fixed.geoms:
-        unit.add_geom(
+        copy.add_geom(
             type=geom.type,
             pos=geom.pos,
             quat=geom.quat,
@@ -61,13 +77,11 @@ def _free(spec: mujoco.MjSpec) -> None:
             conaffinity=0,
             group=geom.group,
         )
-    grip = fixed.pos.copy()
-    spec.delete(fixed)
-    unit.name = UNIT_BODY
-    unit.add_freejoint(name=UNIT_BODY)
-    body = unit.geoms[0]
-    body.contype = 1
-    _touching(body)
+    return copy
+
+
+def _add_touch_sensor(spec: mujoco.MjSpec, unit: mujoco.MjsBody) -> None:
+    """Add the sensor of contact forces, whose zone is a box a little larger than the unit."""
     # The sensor's zone excludes the end at the fingers, whose touch is no contact with the worksite.
     margin, edge = 0.01, 0.01
     x, y, z = (side / 2 for side in UNIT.size)
@@ -84,6 +98,10 @@ def _free(spec: mujoco.MjSpec) -> None:
         objtype=mujoco.mjtObj.mjOBJ_SITE,
         objname=TOUCH_SENSOR,
     )
+
+
+def _add_latch(spec: mujoco.MjSpec, grip: np.ndarray) -> None:
+    """Add the weld that holds the unit at its grip in the end effector, open at first."""
     latch = spec.add_equality(
         name=LATCH_WELD,
         type=mujoco.mjtEq.mjEQ_WELD,
@@ -102,11 +120,12 @@ def _fingers(spec: mujoco.MjSpec) -> None:
     """Give the fingers spheres that touch the unit; their visible shapes do not."""
     hand = spec.body("end_effector")
     radius = 0.006
+    reach = LINKS["end_effector"].length - LATCH.pad - radius
     for side in (1.0, -1.0):
         for across in (0.012, -0.012):
             hand.add_geom(
                 type=mujoco.mjtGeom.mjGEOM_SPHERE,
-                pos=[LINKS["end_effector"].length - LATCH.pad - radius, side * 0.035, across],
+                pos=[reach, side * 0.035, across],
                 size=[radius, 0.0, 0.0],
                 mass=0.0,
                 contype=0,

@@ -193,6 +193,7 @@ class JointLog:
         contents = read_format(path, "joint log", FORMAT, _CHANNELS)
         try:
             return cls._of(contents)
+        # All that missing or foreign attributes and variables can raise.
         except (KeyError, ValueError, TypeError, IndexError) as error:
             raise TwinError(f"{path} is a damaged joint log: {error}") from error
 
@@ -200,6 +201,7 @@ class JointLog:
     def _of(cls, contents: Contents) -> "JointLog":
         stored, attributes = contents.variables, contents.attributes
         joints = tuple(map(str, stored["joint"].values))
+        # Columns have no other names: another order would silently mix up the joints.
         if joints != JOINTS:
             raise TwinError(f"a joint log with joints {', '.join(joints)}; expected {', '.join(JOINTS)} in this order")
         prefix = "provenance_"

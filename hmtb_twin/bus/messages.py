@@ -127,6 +127,7 @@ def rounding(record: BusRecord) -> dict[str, float]:
     for message in MESSAGES:
         values, steps = getattr(record, message.name), np.array(message.steps)
         passed = steps * np.clip(np.rint(values / steps), LOWEST, HIGHEST)
+        # Lost values count as unchanged.
         largest = np.abs(np.nan_to_num(values - passed)).max(initial=0.0)
         if largest > 0:
             changed[message.name] = float(largest)
@@ -207,6 +208,7 @@ class BusFaults:
         """
         rng = np.random.default_rng([self.seed, test])
         frames = frames.copy()
+        # By byte, because a fault may cut a message short.
         kept = np.ones((len(frames), FRAME.itemsize), bool)
         start = 0
         for column, message in enumerate(MESSAGES):

@@ -86,6 +86,7 @@ def record_run(
     if not 1 <= len(records) <= TESTS_PER_RUN:
         raise TwinError(f"{len(records)} tests given, expected 1 to {TESTS_PER_RUN} for one run")
     for record in records:
+        # Sampling times read from a text may be off by their last digit.
         if abs(record.dt - SAMPLE_TIME) > 1e-9 * SAMPLE_TIME:
             raise TwinError(
                 f"{record.name}: sampled every {record.dt:g} s; the bus passes one tick every {SAMPLE_TIME} s"
@@ -266,6 +267,7 @@ def _missing_line(
 ) -> str:
     """Return one line on what is missing; empty if nothing is."""
     damaged = contents.damaged
+    # Damage without loss is possible: the messages of a damaged packet may all have been found.
     if not lost and has_setup and not damaged:
         return ""
     reasons = [f"{count} flagged {fault}" for fault, count in flagged.most_common()]

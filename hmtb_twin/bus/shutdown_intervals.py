@@ -47,6 +47,7 @@ def shutdown_intervals(log: JointLog) -> tuple[ShutdownInterval, ...]:
     edges = np.diff(off)
     intervals = []
     for first, last in zip(np.flatnonzero(edges == 1), np.flatnonzero(edges == -1), strict=True):
+        # Up to and including the first tick with power again, at which the arm still stands where it sank.
         distance = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
         joint = int(distance.argmax())
         ends = bool(last < len(log))

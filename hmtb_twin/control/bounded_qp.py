@@ -31,25 +31,41 @@ def bounded_step(
     # Row and the side on which it is held: +1 at its upper bound, -1 at its lower.
     active: dict[int, float] = {}
     for _ in range(ITERATIONS):
-        held = rows[list(active)]
-        matrix = np.zeros((n + len(held), n + len(held)))
-        matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = hessian, held.T, held
-        solution = np.linalg.solve(matrix, np.concatenate([gradient - hessian @ step, np.zeros(len(held))]))
-        direction, multipliers = solution[:n], solution[n:]
+        direction, multipliers = _constrained_direction(hessian, gradient - hessian @ step, rows[list(active)])
         speed = rows @ direction
         share, blocking = 1.0, -1
         for row in range(len(rows)):
+            # A row that does not move cannot block; added to the active ones it would make their matrix singular.
             if row in active or abs(speed[row]) <= NEGLIGIBLE * (1.0 + np.abs(rows[row]).sum()):
                 continue
-            room = (upper if speed[row] > 0.0 else lower)[row] - rows[row] @ step
-            if room < share * speed[row] if speed[row] > 0.0 else room > share * speed[row]:
+            rising = speed[row] > 0.0
+            bound = upper[row] if rising else lower[row]
+            room = bound - rows[row] @ step
+            blocks = room < share * speed[row] if rising else room > share * speed[row]
+            if blocks:
+                # By rounding a row may stand beyond its bound already: never go backward.
                 share, blocking = max(room / speed[row], 0.0), row
         step = step + share * direction
         if blocking >= 0:
             active[blocking] = np.sign(speed[blocking])
             continue
-        pushes = {row: push * side for (row, side), push in zip(active.items(), multipliers, strict=True)}
+        # A bound with a negative multiplier pulls: the objective falls when the step leaves it.
+        pushes = {}
+        for (row, side), multiplier in zip(active.items(), multipliers, strict=True):
+            pushes[row] = multiplier * side
         if not pushes or min(pushes.values()) >= 0.0:
             break
         del active[min(pushes, key=pushes.__getitem__)]
     return step, list(active)
+
+
+def _constrained_direction(
+    hessian: np.ndarray, gradient: np.ndarray, held: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the direction to the minimum that does not move the held rows, and their multipliers."""
+    # The conditions of Karush, Kuhn and Tucker for equality constraints, one linear system.
+    n = len(gradient)
+    matrix = np.zeros((n + len(held), n + len(held)))
+    matrix[:n, :n], matrix[:n, n:], matrix[n:, :n] = hessian, held.T, held
+    solution = np.linalg.solve(matrix, np.concatenate([gradient, np.zeros(len(held))]))
+    return solution[:n], solution[n:]

@@ -71,6 +71,7 @@ class ControlStation:
         else:
             self.volts, self.counts = np.empty((2, self.ticks, axes))
         if not self.live:
+            # The same steps as tick by tick, for all ticks at once.
             deflections = self._gains * deflection(self.counts, self._parameters)
             for tick in range(self.ticks):
                 self.commands[tick], self.status[tick] = self._mode.step(deflections[tick])
@@ -90,25 +91,28 @@ class ControlStation:
         if self.operator is not None:
             motion = self.operator.move(look())
             self.grip = motion.grip if isinstance(motion, Motion) else None
-            self.volts[tick] = self._interface.receive(_checked_volts(motion, self.volts.shape[1])[None], tick)[0]
+            volts = _checked_volts(motion, self.volts.shape[1])
+            self.volts[tick] = self._interface.receive(volts[None], tick)[0]
+            # The converter has sampled the voltage at the first tick of its hold.
             self.counts[tick] = self._interface.convert(self.volts[tick - tick % self._interface.hold])
         deflections = self._gains * deflection(self.counts[tick], self._parameters)
         if not self.powered[tick]:
             self.commands[tick], self.status[tick] = self._mode.rebase(reading, deflections)
             self.status[tick] |= Status.SHUT_DOWN
         elif tick > 0 and not self.powered[tick - 1]:
+            # At the reset the arm stays where it stands, whatever the stick says.
             self.commands[tick], self.status[tick] = self._mode.rebase(reading, deflections)
         else:
             self.commands[tick], self.status[tick] = self._mode.step(deflections)
         if self.loop is not None:
-            self.commands[tick], limits = self.loop.step(
-                tick, self.commands[tick], reading, running=self.powered[max(tick - 1, 0)] and self.powered[tick]
-            )
+            running = self.powered[max(tick - 1, 0)] and self.powered[tick]
+            self.commands[tick], limits = self.loop.step(tick, self.commands[tick], reading, running=running)
             self.status[tick] |= limits
         self._flag_saturation(slice(tick, tick + 1))
 
     def _flag_saturation(self, ticks: slice) -> None:
         counts, limit = self.counts[ticks], self._parameters.adc_limit
+        # Two's complement: the upper end of the range is one count short.
         saturated = ((counts <= -limit) | (counts >= limit - 1)).any(axis=1)
         self.status[ticks][saturated] |= Status.CONVERTER_SATURATED
 
@@ -116,6 +120,7 @@ class ControlStation:
 def _joint_loop(experiment: Experiment, arm: Arm, ticks: int) -> JointLoop | None:
     """Return the loop about an experiment's joint controller, if it has one."""
     make = getattr(experiment, "controller", None)
+    # The method is optional: most experiments have no joint controller.
     controller: JointController | None = make() if callable(make) else None
     if controller is None:
         return None
@@ -143,6 +148,7 @@ def _checked_volts(motion: object, axes: int) -> np.ndarray:
 
 def _ticks(experiment: Experiment) -> int:
     ticks = round(experiment.duration * SAMPLE_RATE)
+    # Multiples of 0.02 s are multiples only up to rounding.
     if ticks < 1 or abs(ticks - experiment.duration * SAMPLE_RATE) > 1e-9 * ticks:
         raise TwinError(
             f"{experiment.name}: duration {experiment.duration:g} s given, expected a positive multiple of "
@@ -189,12 +195,14 @@ def payload_exchanges(experiment: Experiment, ticks: int) -> np.ndarray:
 
 def _events(name: str, times: Sequence[float], ticks: int, hint: str = "") -> np.ndarray:
     """Return the number of events up to each tick (ticks,); raises `TwinError` unless their times in s ascend."""
-    at = np.asarray(times, dtype=float)
+    seconds = np.asarray(times, dtype=float)
     # Times that are huge or not finite would become ticks without meaning: they fail the check below.
-    switched = np.rint(at * SAMPLE_RATE) if (np.abs(at) < ticks).all() else np.zeros(1)
-    if not ((switched >= 1).all() and (np.diff(switched) > 0).all() and (switched < ticks).all()):
+    event_ticks = np.rint(seconds * SAMPLE_RATE) if (np.abs(seconds) < ticks).all() else np.zeros(1)
+    ascending = (np.diff(event_ticks) > 0).all()
+    if not (ascending and (event_ticks >= 1).all() and (event_ticks < ticks).all()):
+        listed = ", ".join(f"{time:g}" for time in seconds)
         raise TwinError(
-            f"{name} {', '.join(f'{time:g}' for time in at)} s given, expected ascending times "
+            f"{name} {listed} s given, expected ascending times "
             f"between 0 and the end at {ticks * SAMPLE_TIME:g} s, {SAMPLE_TIME:g} s apart{hint}"
         )
-    return np.searchsorted(switched, np.arange(ticks), side="right")
+    return np.searchsorted(event_ticks, np.arange(ticks), side="right")

@@ -34,8 +34,11 @@ class DataAcquisitionBoard:
             Output, same shape, V.
         """
         counts = volts / self.dac_step
+        if rounds:
+            counts = np.rint(counts)
+        # Two's complement: the largest voltage is one count below the range.
         limit = 2 ** (self.dac_bits - 1)
-        return self.dac_step * np.clip(np.rint(counts) if rounds else counts, -limit, limit - 1)
+        return self.dac_step * np.clip(counts, -limit, limit - 1)
 
     def exceeds_range(self, volts: np.ndarray) -> np.ndarray:
         """Return which requested voltages lie outside the range by half a count or more; same shape, bool."""

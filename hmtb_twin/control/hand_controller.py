@@ -22,6 +22,7 @@ def low_pass(noise: np.ndarray, corner: float) -> np.ndarray:
     if corner == 0.0:
         return noise
     pole = np.exp(-2.0 * np.pi * corner * SAMPLE_TIME)
+    # The first sample has the full variance, so that the noise is stationary from the first tick on.
     driven = np.concatenate([noise[:1], np.sqrt(1.0 - pole**2) * noise[1:]])
     return np.asarray(lfilter([1.0], [1.0, -pole], driven, axis=0))
 
@@ -85,6 +86,7 @@ class HandControllerInterface:
 
     def convert(self, received: np.ndarray) -> np.ndarray:
         """Return converter counts of voltages, same shape; fractions if the converter does not round."""
+        # Two's complement: the upper end of the range is one count short.
         step, limit = self.parameters.adc_step, self.parameters.adc_limit
         counts = quantise(received, step) if self.chain.adc else received / step
         return np.clip(counts, -limit, limit - 1)
@@ -99,6 +101,7 @@ class HandControllerInterface:
             Voltage at the converter (N, n), V, and counts after sample and hold (N, n).
         """
         received = self.receive(volts)
+        # All ticks of a hold show the sample of its first one.
         ticks = np.arange(len(volts))
         return received, self.convert(received[ticks - ticks % self.hold])
 

@@ -52,15 +52,19 @@ class JointLoop:
         """
         self.requested[tick], self._readings[tick] = requested, reading
         if tick == 0 or not running:
+            # Without power the command follows the arm; at the first tick it is the reference pose.
             self._sent = self._sent if tick == 0 else requested
             self.controller.restart(self._sent.copy())
         if not running:
             return requested, 0
+        # Before its delay has passed, a reading shows the arm at rest.
         measured = self._readings[np.maximum(tick - self._delays, 0), np.arange(len(JOINTS))]
+        # Copies: a controller that changes its arguments must not change the records.
         answer = self.controller.command(requested.copy(), measured, self._sent.copy())
         wanted = np.asarray(answer, dtype=float)
         if wanted.shape != requested.shape or not np.isfinite(wanted).all():
             raise TwinError(f"its joint controller gave {answer!r}, expected {len(JOINTS)} finite angles in rad")
+        # An indexed joint is held by its pin: no controller moves it.
         wanted[self._fixed] = requested[self._fixed]
         slewed = np.clip(wanted, self._sent - self._step, self._sent + self._step)
         self._sent = np.clip(slewed, self._lower, self._upper)

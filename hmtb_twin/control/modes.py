@@ -44,7 +44,8 @@ class SingleJoint:
         # Plain numbers: one tick of one joint costs less than a call of numpy.
         self._command = np.asarray(pose, dtype=float).tolist()
         self._reference = self._command.copy()
-        self._joints = [(j, float(lower[j]), float(upper[j]), float(step[j])) for j in joints]
+        low, high, steps = lower.tolist(), upper.tolist(), step.tolist()
+        self._joints = [(j, low[j], high[j], steps[j]) for j in joints]
         self._lower, self._upper, self._dt = lower, upper, dt
 
     def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
@@ -63,11 +64,12 @@ class SingleJoint:
             if abs(change) > step:
                 change = math.copysign(step, change)
                 status |= VELOCITY_LIMITED
-            wanted = previous + change
-            command[joint] = min(max(wanted, lower), upper)
-            if wanted != command[joint]:
+            unbounded = previous + change
+            command[joint] = min(max(unbounded, lower), upper)
+            if unbounded != command[joint]:
                 status |= JOINT_LIMITED
-        return np.array(command), Status(status) if status else NORMAL
+        flags = Status(status) if status else NORMAL
+        return np.array(command), flags
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Continue from measured angles without a jump: this deflection now means the present arm; see `Mode`."""
@@ -76,8 +78,9 @@ class SingleJoint:
         if self._dt is None:
             for (joint, *_), moved in zip(self._joints, deflection.tolist(), strict=True):
                 self._reference[joint] -= moved
-        limited = not np.array_equal(self._command, angles)
-        return np.array(self._command), Status.JOINT_LIMITED if limited else NORMAL
+        # An arm that sank onto a stop may stand beyond the range of its commands.
+        status = NORMAL if np.array_equal(self._command, angles) else Status.JOINT_LIMITED
+        return np.array(self._command), status
 
 
 class Cartesian:
@@ -135,9 +138,9 @@ class Cartesian:
         )
         if self._dt is not None:
             # A limited rate command must not wind up: the reference follows what the tool reached.
-            self._position, self._rotation = (
-                self._controller.tool_pose(self._command) if status else (position, rotation)
-            )
+            if status:
+                position, rotation = self._controller.tool_pose(self._command)
+            self._position, self._rotation = position, rotation
         return self._command.copy(), Status(status)
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
@@ -145,12 +148,13 @@ class Cartesian:
         self._command = np.clip(angles, self._lower, self._upper)
         self._position, self._rotation = self._controller.tool_pose(self._command)
         if self._dt is None:
+            # The inverse of what `step` does with the deflection, in opposite order.
             twist = np.zeros(6)
             twist[self._directions] = deflection
             self._rotation = self._rotation @ pin.exp3(-twist[3:])
             self._position = self._position - self._rotation @ twist[:3]
-        limited = not np.array_equal(self._command, angles)
-        return self._command.copy(), Status.JOINT_LIMITED if limited else Status(0)
+        status = NORMAL if np.array_equal(self._command, angles) else Status.JOINT_LIMITED
+        return self._command.copy(), status
 
 
 MODES = ("single_joint", "single_joint_rate", "cartesian", "cartesian_rate")
@@ -205,13 +209,13 @@ def start_mode(experiment: Experiment, arm: Arm) -> Mode:
     Raises:
         TwinError: Unknown mode, or axes that the mode does not have.
     """
-    known = axis_names(experiment.mode, arm.variant)
+    available = axis_names(experiment.mode, arm.variant)
     axes = experiment.axes
-    if not axes or len(set(axes)) != len(axes) or set(axes) - set(known):
+    if not axes or len(set(axes)) != len(axes) or set(axes) - set(available):
+        hint = "; the shoulder roll is indexed" if set(axes) & set(arm.indexed) else ""
         raise TwinError(
             f"{experiment.name}: axes {', '.join(axes) or 'none'} given, expected different ones of "
-            f"{', '.join(known)} in mode {experiment.mode}"
-            + ("; the shoulder roll is indexed" if set(axes) & set(arm.indexed) else "")
+            f"{', '.join(available)} in mode {experiment.mode}{hint}"
         )
     pose = arm.pose(experiment.pose)
     lower = np.array([MOTIONS[name].lower for name in JOINTS])

@@ -135,6 +135,7 @@ class ResolvedRate:
         # The elbow bends one way only, and the wrist yaw stays clear of its quarter turn.
         low[3] = max(low[3], 0.0)
         low[5], high[5] = max(low[5], -QUARTER_TURN), min(high[5], QUARTER_TURN)
+        # The shoulder roll keeps its command, wherever that is.
         low[0], high[0] = -np.inf, np.inf
         self._low: list[float] = low.tolist()
         self._high: list[float] = high.tolist()
@@ -157,16 +158,17 @@ class ResolvedRate:
         Raises:
             TwinError: The wanted pose or the command is not finite.
         """
-        angles, place, turned = previous.tolist(), position.tolist(), rotation.tolist()
-        if not isfinite(sum(angles) + sum(place) + sum(map(sum, turned))):
-            raise TwinError(f"tool pose {place}, {turned} wanted from command {angles}, expected finite numbers")
-        ordinary = self._ordinary(angles, place, turned)
+        angles, target, turned = previous.tolist(), position.tolist(), rotation.tolist()
+        if not isfinite(sum(angles) + sum(target) + sum(map(sum, turned))):
+            raise TwinError(f"tool pose {target}, {turned} wanted from command {angles}, expected finite numbers")
+        # Most ticks meet no limit: the closed form alone gives their command.
+        ordinary = self._ordinary(angles, target, turned)
         if ordinary is not None:
             return ordinary
-        reached = self._advance(angles, place, turned)
+        reached = self._advance(angles, target, turned)
         if self._unlimited:
             for _ in range(STRIDES):
-                before, reached = reached, self._advance(reached.angles.tolist(), place, turned)
+                before, reached = reached, self._advance(reached.angles.tolist(), target, turned)
                 if np.abs(reached.angles - before.angles).max() <= ARRIVED:
                     return replace(reached, velocity_limited=False)
         return reached
@@ -192,36 +194,39 @@ class ResolvedRate:
         roll, yaw, shoulder, elbow, pitch, wrist_yaw, wrist_roll = previous
         wrist = WristAngles(shoulder - elbow + pitch, wrist_yaw, wrist_roll)
         centre, turned = kinematics.wanted(roll, position, rotation)
-        here = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
-        offset = [new - old for new, old in zip(here.wrist, wrist, strict=True)]
+        start = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
+        offset = [new - old for new, old in zip(start.wrist, wrist, strict=True)]
         held = kept or (max(offset) <= HELD and min(offset) >= -HELD)
         path: Path | None = None
         share, shortened, halvings = 1.0, False, 0
         for _ in range(ATTEMPTS):
-            arrived, damped, ratio = self._arrive(here, centre, turned, previous, share < 1.0)
+            arrived, damped, ratio = self._arrive(start, centre, turned, previous, share < 1.0)
             if arrived is None or ratio > 1.0:
+                # A joint is too fast: go a shorter way along the same line, so that the tool only slows down.
                 share, shortened = share * (1.0 - SLACK) / ratio, True
             else:
                 beyond = self._beyond(arrived, previous)
                 if not beyond:
-                    singular = damped and max(map(abs, here.error)) > ARRIVED
+                    singular = damped and max(map(abs, start.error)) > ARRIVED
                     return CartesianStep(self._command(arrived, previous), shortened, halvings > 0, singular)
                 if held:
-                    return self._slide(here, centre, turned, previous, beyond)
+                    return self._slide(start, centre, turned, previous, beyond)
+                # A range is in the way of a turn, which cannot slide along it: turn half as far.
                 if halvings == HALVINGS:
                     break
                 halvings, share = halvings + 1, 0.5 * share
-            path = path or (_line(here, centre, turned) if held else self._turn(previous, position, rotation))
+            if path is None:
+                path = _line(start, centre, turned) if held else self._turn(previous, position, rotation)
             centre, turned = path(share)
-            here = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
+            start = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
         if held:
             return CartesianStep(np.array(previous), shortened, False, True)
         # The turn cannot go on: the tool keeps its orientation, and moves on if it can.
-        _, now = self._controller.tool_pose(np.array(previous))
-        return replace(self._advance(previous, position, now.tolist(), kept=True), joint_limited=True)
+        _, kept_rotation = self._controller.tool_pose(np.array(previous))
+        return replace(self._advance(previous, position, kept_rotation.tolist(), kept=True), joint_limited=True)
 
     def _arrive(
-        self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], shorter: bool
+        self, start: Posture, centre: Vector, turned: Rotation, previous: list[float], shorter: bool
     ) -> tuple[Posture | None, bool, float]:
         """Return where one step leads, whether it is damped, and the fastest joint's motion over its limit.
 
@@ -229,69 +234,80 @@ class ResolvedRate:
         an estimate needs another only where it leads to a singular pose.
         """
         if not shorter:
-            change, ratio = self._estimate(here, previous)
+            change, ratio = self._estimate(start, previous)
             if ratio > 1.0:
                 return None, False, ratio
-        arrived = self._kinematics.reaching(centre, turned, here.wrist, here.radius)
+        arrived = self._kinematics.reaching(centre, turned, start.wrist, start.radius)
         if arrived is not None and arrived.rigidity >= SINGULAR:
             return arrived, False, self._ratio(arrived.angles, previous)
         if shorter:
-            change, ratio = self._estimate(here, previous)
+            change, ratio = self._estimate(start, previous)
             if ratio > 1.0:
                 return None, True, ratio
-        yaw, shoulder, elbow = here.yaw + change[0], here.shoulder + change[1], here.elbow + change[2]
-        damped = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, here.wrist)
+        # Out of reach, or near a singular pose: the step of first order, damped, leads on.
+        yaw, shoulder, elbow = start.yaw + change[0], start.shoulder + change[1], start.elbow + change[2]
+        damped = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, start.wrist)
         return damped, True, self._ratio(damped.angles, previous)
 
-    def _estimate(self, here: Posture, previous: list[float]) -> tuple[Vector, float]:
+    def _estimate(self, start: Posture, previous: list[float]) -> tuple[Vector, float]:
         """Return the step to first order, damped as the pose is singular, and its fastest joint over the limit."""
-        rigidity = here.rigidity
-        step = here.resolved() if rigidity >= SINGULAR else tuple(np.linalg.solve(*_damped(here, rigidity)).tolist())
-        return step, self._ratio(here.moved(step), previous)
+        rigidity = start.rigidity
+        if rigidity >= SINGULAR:
+            step = start.resolved()
+        else:
+            yaw, shoulder, elbow = np.linalg.solve(*_damped(start, rigidity)).tolist()
+            step = (yaw, shoulder, elbow)
+        return step, self._ratio(start.moved(step), previous)
 
     def _slide(
-        self, here: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int]
+        self, start: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int]
     ) -> CartesianStep:
         """Return the command that brings the tool nearest to its target when joints are at the ends of their ranges.
 
         The ranges bound the linear step; what its curvature adds is taken back by Newton's method on the joints beyond.
         """
-        lower, upper = self._room(here, previous)
-        rows = here.rates()
-        step, active = bounded_step(*_damped(here, here.rigidity), rows, lower, upper)
+        lower, upper = self._room(start, previous)
+        rows = start.rates()
+        step, active = bounded_step(*_damped(start, start.rigidity), rows, lower, upper)
         beyond = beyond | set(active)
-        singular = bool(beyond & GUARDS) or here.rigidity < SINGULAR
+        singular = bool(beyond & GUARDS) or start.rigidity < SINGULAR
         flags = {"joint_limited": bool(beyond - GUARDS), "singular": singular}
-        ratio = self._ratio(here.moved(tuple(step)), previous)
+        ratio = self._ratio(start.moved(tuple(step)), previous)
         if ratio > 1.0 - SLACK:
             step = step * (1.0 - SLACK) / ratio
-        now = np.array((*previous[1:], here.radius))
+        start_angles = np.array((start.yaw, start.shoulder, start.elbow))
+        command = np.array((*previous[1:], start.radius))
         for _ in range(ATTEMPTS):
             trial = step
             for _ in range(CORRECTIONS):
-                yaw, shoulder, elbow = (np.array((here.yaw, here.shoulder, here.elbow)) + trial).tolist()
-                arrived = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, here.wrist)
-                moved = np.array((*arrived.angles, arrived.radius)) - now
-                excess = np.maximum(moved - upper, 0.0) + np.minimum(moved - lower, 0.0)
+                yaw, shoulder, elbow = (start_angles + trial).tolist()
+                arrived = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, start.wrist)
+                motion = np.array((*arrived.angles, arrived.radius)) - command
+                excess = np.maximum(motion - upper, 0.0) + np.minimum(motion - lower, 0.0)
                 over = np.abs(excess) > ROUNDING
                 if not over.any():
                     ratio = self._ratio(arrived.angles, previous)
                     if ratio <= 1.0:
-                        return CartesianStep(self._command(arrived, previous), ratio > 1.0 - 2.0 * SLACK, **flags)
+                        # A step that was shortened to the limit ends next to it, by its curvature.
+                        at_limit = ratio > 1.0 - 2.0 * SLACK
+                        return CartesianStep(self._command(arrived, previous), at_limit, **flags)
                     break
+                # The smallest correction of the three joints that brings those beyond back to their ends.
                 trial = trial - np.linalg.pinv(rows[over]) @ excess[over]
             step = 0.5 * step
         return CartesianStep(np.array(previous), False, **flags)
 
-    def _room(self, here: Posture, previous: list[float]) -> tuple[np.ndarray, np.ndarray]:
+    def _room(self, start: Posture, previous: list[float]) -> tuple[np.ndarray, np.ndarray]:
         """Return how far the six joints and the wrist centre's radius may go down and up from the command."""
-        now = np.array((*previous[1:], here.radius))
+        command = np.array((*previous[1:], start.radius))
         lower, upper = np.array((*self._low[1:], -np.inf)), np.array((*self._high[1:], np.inf))
-        if here.radius >= 0.0:
+        # The wrist centre stays on its side of the yaw axis.
+        if start.radius >= 0.0:
             lower[6] = CLEARANCE
         else:
             upper[6] = -CLEARANCE
-        return np.minimum(lower - now, 0.0), np.maximum(upper - now, 0.0)
+        # A command beyond its range may stay there, so that the zero step is always allowed.
+        return np.minimum(lower - command, 0.0), np.maximum(upper - command, 0.0)
 
     def _beyond(self, arrived: Posture, previous: list[float]) -> set[int]:
         """Return which of the six joints (0-5), and the wrist centre's radius (6), have gone beyond their limits."""
@@ -299,21 +315,24 @@ class ResolvedRate:
         for joint, angle in enumerate(arrived.angles):
             low, high, before = self._low[joint + 1], self._high[joint + 1], previous[joint + 1]
             # Most joints are well within their range: only at its ends does it matter where they come from.
-            if not low <= angle <= high and not min(low, before) - ROUNDING <= angle <= max(high, before) + ROUNDING:
+            if low <= angle <= high:
+                continue
+            if not min(low, before) - ROUNDING <= angle <= max(high, before) + ROUNDING:
                 beyond.add(joint)
         if abs(arrived.radius) < CLEARANCE:
             _, _, shoulder, elbow, pitch, _, _ = previous
             before = self._kinematics.radius(shoulder, elbow, shoulder - elbow + pitch)
+            # It may stay too near where it already is, but neither come nearer nor cross the axis.
             if abs(arrived.radius) < abs(before) - ROUNDING or arrived.radius * before < 0.0:
                 beyond.add(6)
         return beyond
 
     def _ratio(self, angles: tuple[float, ...], previous: list[float]) -> float:
         """Return the fastest joint's motion over its limit."""
-        a, b, c, d, e, f = angles
-        _, s, t, u, v, w, x = previous
-        _, k, m, n, o, p, q = self._step
-        return max(abs(a - s) / k, abs(b - t) / m, abs(c - u) / n, abs(d - v) / o, abs(e - w) / p, abs(f - x) / q)
+        ratio = 0.0
+        for angle, before, step in zip(angles, previous[1:], self._step[1:], strict=True):
+            ratio = max(ratio, abs(angle - before) / step)
+        return ratio
 
     def _command(self, arrived: Posture, previous: list[float]) -> np.ndarray:
         """Return the joint angles of a posture, no joint an iota beyond its range."""
@@ -326,38 +345,38 @@ class ResolvedRate:
 
     def _turn(self, previous: list[float], position: list[float], rotation: Rotation) -> Path:
         """Return the straight line and the shortest turn from the command's tool pose to the wanted one."""
-        place, now = self._controller.tool_pose(np.array(previous))
-        way, turn = np.array(position) - place, pin.log3(now.T @ np.array(rotation))
+        origin, orientation = self._controller.tool_pose(np.array(previous))
+        way, turn = np.array(position) - origin, pin.log3(orientation.T @ np.array(rotation))
 
         def path(share: float) -> tuple[Vector, Rotation]:
-            turned = now @ pin.exp3(share * turn)
-            return self._kinematics.wanted(previous[0], (place + share * way).tolist(), turned.tolist())
+            turned = orientation @ pin.exp3(share * turn)
+            return self._kinematics.wanted(previous[0], (origin + share * way).tolist(), turned.tolist())
 
         return path
 
 
-def _line(here: Posture, centre: Vector, turned: Rotation) -> Path:
+def _line(start: Posture, centre: Vector, turned: Rotation) -> Path:
     """Return the straight line from a posture's wrist centre to the wanted one, the rotation held."""
-    along, across, up = here.error
-    c, s = cos(here.yaw), sin(here.yaw)
+    along, across, up = start.error
+    c, s = cos(start.yaw), sin(start.yaw)
     x, y, z = centre
     dx, dy = c * along - s * across, s * along + c * across
 
     def path(share: float) -> tuple[Vector, Rotation]:
-        rest = 1.0 - share
-        return (x - rest * dx, y - rest * dy, z - rest * up), turned
+        remaining = 1.0 - share
+        return (x - remaining * dx, y - remaining * dy, z - remaining * up), turned
 
     return path
 
 
-def _damped(here: Posture, rigidity: float) -> tuple[np.ndarray, np.ndarray]:
+def _damped(start: Posture, rigidity: float) -> tuple[np.ndarray, np.ndarray]:
     """Return the normal equations of the damped step: its Hessian (3, 3) and gradient (3,).
 
     The step minimises the square of the error that remains and, times `DAMPING**2` at a singular pose, that of the
     motion of all six joints [NakamuraHanafusa1986].
     """
-    jacobian = here.jacobian(BEND)
-    rates = here.rates()[:6]
+    jacobian = start.jacobian(BEND)
+    rates = start.rates()[:6]
     # The square grows from nothing at the border of the singular region [Chiaverini1997].
     damping = DAMPING**2 * max(1.0 - (rigidity / SINGULAR) ** 2, 1e-6)
-    return jacobian.T @ jacobian + damping * rates.T @ rates, jacobian.T @ np.array(here.error)
+    return jacobian.T @ jacobian + damping * rates.T @ rates, jacobian.T @ np.array(start.error)

@@ -76,6 +76,7 @@ class Posture(NamedTuple):
         Shoulder and elbow for unit error along, the same upward, and yaw, shoulder and elbow for unit error across.
         """
         determinant = (self.upper_arm * self.forearm.conjugate()).imag
+        # Upper arm and forearm in line, or the wrist centre on the yaw axis.
         if determinant == 0.0 or self.radius == 0.0:
             return None
         along_shoulder, along_elbow = -self.forearm.real / determinant, -self.upper_arm.real / determinant
@@ -101,6 +102,7 @@ class Posture(NamedTuple):
         tilt_rate, wrist_yaw_rate, wrist_roll_rate = self.wrist_rates
         along_pitch, up_pitch = along_elbow - along_shoulder, up_elbow - up_shoulder
         pitch = tilt_rate * yaw - shoulder + elbow
+        # By joint for unit error along, upward and across, each column's squares added up.
         square = along_shoulder * along_shoulder + along_elbow * along_elbow + along_pitch * along_pitch
         square += up_shoulder * up_shoulder + up_elbow * up_elbow + up_pitch * up_pitch
         square += yaw * yaw * (1.0 + wrist_yaw_rate * wrist_yaw_rate + wrist_roll_rate * wrist_roll_rate)
@@ -115,26 +117,20 @@ class Posture(NamedTuple):
         if inverse is None:
             return 0.0, 0.0, 0.0
         along_shoulder, along_elbow, up_shoulder, up_elbow, yaw, shoulder, elbow = inverse
-        x, y, z = self.error
-        return (
-            y * yaw,
-            x * along_shoulder + z * up_shoulder + y * shoulder,
-            x * along_elbow + z * up_elbow + y * elbow,
-        )
+        along, across, up = self.error
+        shoulder_change = along * along_shoulder + up * up_shoulder + across * shoulder
+        elbow_change = along * along_elbow + up * up_elbow + across * elbow
+        return across * yaw, shoulder_change, elbow_change
 
     def moved(self, change: Vector) -> tuple[float, float, float, float, float, float]:
         """Return the six angles after changes of yaw, shoulder and elbow, the wrist following to first order, rad."""
         tilt_rate, wrist_yaw_rate, wrist_roll_rate = self.wrist_rates
         yaw, shoulder, elbow = change
         angles = self.angles
-        return (
-            angles[0] + yaw,
-            angles[1] + shoulder,
-            angles[2] + elbow,
-            angles[3] + tilt_rate * yaw - shoulder + elbow,
-            angles[4] + wrist_yaw_rate * yaw,
-            angles[5] + wrist_roll_rate * yaw,
-        )
+        # The tilt, shoulder - elbow + pitch, follows the yaw alone.
+        pitch = angles[3] + tilt_rate * yaw - shoulder + elbow
+        wrist_yaw, wrist_roll = angles[4] + wrist_yaw_rate * yaw, angles[5] + wrist_roll_rate * yaw
+        return angles[0] + yaw, angles[1] + shoulder, angles[2] + elbow, pitch, wrist_yaw, wrist_roll
 
     def jacobian(self, bend: float = 0.0) -> np.ndarray:
         """Return how the wrist centre moves with yaw, shoulder and elbow while the orientation is held.
@@ -147,26 +143,24 @@ class Posture(NamedTuple):
         """
         upper_arm, forearm = self.upper_arm, self.forearm
         if self.elbow < bend:
+            # Only the forearm turns: what the shoulder moves changes with it.
             forearm *= rect(1.0, self.elbow - bend)
             upper_arm += forearm - self.forearm
         tilt_rate = self.wrist_rates[0]
+        # A turn in the plane moves a point at right angles to its arm: times i.
         columns = 1j * tilt_rate * self.hand, 1j * upper_arm, -1j * forearm
-        return np.array([[c.real for c in columns], [self.radius, 0.0, 0.0], [c.imag for c in columns]])
+        along = [column.real for column in columns]
+        up = [column.imag for column in columns]
+        return np.array([along, [self.radius, 0.0, 0.0], up])
 
     def rates(self) -> np.ndarray:
         """Return how the six joints, and the radius, move with yaw, shoulder and elbow: (7, 3), rad/rad and m/rad."""
         tilt_rate, wrist_yaw_rate, wrist_roll_rate = self.wrist_rates
-        return np.array(
-            [
-                [1.0, 0.0, 0.0],
-                [0.0, 1.0, 0.0],
-                [0.0, 0.0, 1.0],
-                [tilt_rate, -1.0, 1.0],
-                [wrist_yaw_rate, 0.0, 0.0],
-                [wrist_roll_rate, 0.0, 0.0],
-                [-self.hand.imag * tilt_rate, -self.upper_arm.imag, self.forearm.imag],
-            ]
-        )
+        yaw, shoulder, elbow = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
+        pitch = [tilt_rate, -1.0, 1.0]
+        wrist_yaw, wrist_roll = [wrist_yaw_rate, 0.0, 0.0], [wrist_roll_rate, 0.0, 0.0]
+        radius = [-self.hand.imag * tilt_rate, -self.upper_arm.imag, self.forearm.imag]
+        return np.array([yaw, shoulder, elbow, pitch, wrist_yaw, wrist_roll, radius])
 
 
 class ToolKinematics:
@@ -184,14 +178,10 @@ class ToolKinematics:
         jacobian = controller.tool_jacobian(np.zeros(len(JOINTS)))
         # The point of each axis nearest to the tool, as a vector to the tool: p = v x w.
         roll, yaw, shoulder, elbow, pitch, wrist, tool = np.cross(jacobian[:3].T, jacobian[3:].T)
-        misplaced = [
-            np.abs(rotation - np.eye(3)).max(),
-            np.abs(jacobian[3:].T - AXES).max(),
-            abs(yaw[1] - wrist[1]),
-            abs(wrist[1] - tool[1]),
-            abs(np.cross(shoulder - elbow, elbow - pitch)[1]),
-        ]
-        if max(misplaced) > TOLERANCE:
+        turned = max(np.abs(rotation - np.eye(3)).max(), np.abs(jacobian[3:].T - AXES).max())
+        out_of_plane = max(abs(yaw[1] - wrist[1]), abs(wrist[1] - tool[1]))
+        elbow_bent = abs(np.cross(shoulder - elbow, elbow - pitch)[1])
+        if max(turned, out_of_plane, elbow_bent) > TOLERANCE:
             raise TwinError(
                 "the controller's model has other axes than roll x, yaw z, pitch -y, pitch y, pitch -y, yaw z, roll x "
                 "at zero angles, both yaw axes and the wrist roll in one plane, the elbow straight at zero"
@@ -200,21 +190,21 @@ class ToolKinematics:
         self._centre_to_tool = (float(wrist[0]), float(wrist[1]), float(tool[2]))
         self._origin = tuple(float(x) for x in position - (yaw[0], roll[1], roll[2]))
         self._across = float(roll[1] - yaw[1])
-        self._lengths = (
-            complex(yaw[0] - shoulder[0], roll[2] - shoulder[2]),
-            complex(shoulder[0] - elbow[0], shoulder[2] - elbow[2]),
-            complex(elbow[0] - pitch[0], elbow[2] - pitch[2]),
-            complex(pitch[0] - wrist[0], pitch[2] - tool[2]),
-        )
-        upper_arm, forearm = abs(self._lengths[1]), abs(self._lengths[2])
-        self._squares, self._product = upper_arm**2 + forearm**2, 2.0 * upper_arm * forearm
+        base = complex(yaw[0] - shoulder[0], roll[2] - shoulder[2])
+        upper_arm = complex(shoulder[0] - elbow[0], shoulder[2] - elbow[2])
+        forearm = complex(elbow[0] - pitch[0], elbow[2] - pitch[2])
+        hand = complex(pitch[0] - wrist[0], pitch[2] - tool[2])
+        self._lengths = (base, upper_arm, forearm, hand)
+        # Of the law of cosines, which gives the elbow.
+        self._squares = abs(upper_arm) ** 2 + abs(forearm) ** 2
+        self._product = 2.0 * abs(upper_arm) * abs(forearm)
 
     def radius(self, shoulder: float, elbow: float, tilt: float) -> float:
         """Return the distance of the wrist centre from the yaw axis, in the arm's plane, m, at three angles in rad."""
         base, upper_arm, forearm, hand = self._lengths
-        reached = (
-            base + upper_arm * rect(1.0, shoulder) + forearm * rect(1.0, shoulder - elbow) + hand * rect(1.0, tilt)
-        )
+        reached = base + upper_arm * rect(1.0, shoulder)
+        reached += forearm * rect(1.0, shoulder - elbow)
+        reached += hand * rect(1.0, tilt)
         return reached.real
 
     def wanted(self, roll: float, position: list[float], rotation: Rotation) -> tuple[Vector, Rotation]:
@@ -229,18 +219,14 @@ class ToolKinematics:
             Wrist centre in the frame that the shoulder roll turns, m, and the rotation in the same frame.
         """
         u, v, w = self._centre_to_tool
-        x, y, z = (
-            p - o - (row[0] * u + row[1] * v + row[2] * w)
-            for p, o, row in zip(position, self._origin, rotation, strict=True)
-        )
+        first, second, third = rotation
+        x = position[0] - self._origin[0] - (first[0] * u + first[1] * v + first[2] * w)
+        y = position[1] - self._origin[1] - (second[0] * u + second[1] * v + second[2] * w)
+        z = position[2] - self._origin[2] - (third[0] * u + third[1] * v + third[2] * w)
+        # At its index the roll is zero, and nothing has to be turned back.
         if roll:
             c, s = cos(roll), sin(roll)
-            first, second, third = rotation
-            rotation = [
-                first,
-                [c * m + s * n for m, n in zip(second, third, strict=True)],
-                [c * n - s * m for m, n in zip(second, third, strict=True)],
-            ]
+            rotation = [first, _combination(c, second, s, third), _combination(c, third, -s, second)]
             y, z = c * y + s * z, c * z - s * y
         return (x, y - self._across, z), rotation
 
@@ -265,7 +251,8 @@ class ToolKinematics:
         reached = base + upper_arm + forearm + hand
         x, y, z = centre
         c, s = cos(yaw), sin(yaw)
-        error = (c * x + s * y - reached.real, c * y - s * x, z - reached.imag)
+        along, across, up = c * x + s * y - reached.real, c * y - s * x, z - reached.imag
+        error = (along, across, up)
         return Posture(yaw, shoulder, elbow, wrist, rates, reached.real, upper_arm + forearm, forearm, hand, error)
 
     def reaching(self, centre: Vector, rotation: Rotation, near: WristAngles, side: float = 1.0) -> Posture | None:
@@ -281,7 +268,10 @@ class ToolKinematics:
             The posture; None where no elbow angle reaches.
         """
         x, y, z = centre
-        radius, yaw = (hypot(x, y), atan2(y, x)) if side >= 0.0 else (-hypot(x, y), atan2(-y, -x))
+        if side >= 0.0:
+            radius, yaw = hypot(x, y), atan2(y, x)
+        else:
+            radius, yaw = -hypot(x, y), atan2(-y, -x)
         wrist, rates, tilted = _wrist(yaw, rotation, near)
         base, upper_arm, forearm, hand = self._lengths
         hand *= tilted
@@ -289,6 +279,7 @@ class ToolKinematics:
         cosine = (span.real**2 + span.imag**2 - self._squares) / self._product
         if not -1.0 <= cosine <= 1.0:
             return None
+        # The arc cosine is not negative: the elbow bends one way only.
         elbow = acos(cosine)
         shoulder = phase(span / (upper_arm + forearm * rect(1.0, -elbow)))
         forearm *= rect(1.0, shoulder - elbow)
@@ -304,16 +295,21 @@ def _wrist(yaw: float, rotation: Rotation, near: WristAngles) -> tuple[WristAngl
     c, s = cos(yaw), sin(yaw)
     forward, aside = c * r00 + s * r10, c * r10 - s * r00
     cosine = hypot(forward, r20)
-    angles = WristAngles(
-        _near(atan2(r20, forward), near.tilt),
-        atan2(aside, cosine),
-        _near(atan2(s * r02 - c * r12, c * r11 - s * r01), near.roll),
-    )
+    tilt = _near(atan2(r20, forward), near.tilt)
+    roll = _near(atan2(s * r02 - c * r12, c * r11 - s * r01), near.roll)
+    angles = WristAngles(tilt, atan2(aside, cosine), roll)
+    # With wrist yaw w the first column is (cos tilt cos w, sin w, sin tilt cos w), the middle row
+    # (sin w, cos w cos roll, -cos w sin roll).
     # At its quarter turn the wrist yaw leaves tilt and wrist roll free; next to it they follow the yaw without bounds.
     cosine = max(cosine, TOLERANCE)
     tilted = complex(forward, r20) / cosine
     rates = (-tilted.imag * aside / cosine, -tilted.real, -tilted.imag / cosine)
     return angles, rates, tilted
+
+
+def _combination(c: float, first: list[float], s: float, second: list[float]) -> list[float]:
+    """Return `c first + s second` of two rows."""
+    return [c * m + s * n for m, n in zip(first, second, strict=True)]
 
 
 def _near(angle: float, reference: float) -> float:

@@ -12,7 +12,7 @@ REFERENCE_TEMPERATURE = 40.0
 """Temperature at which drag and leakage are stated, degrees Celsius."""
 
 _KELVIN = 273.15
-_KNOWN = ((40.0, 32.0), (100.0, 5.4))
+_VISCOSITIES = ((40.0, 32.0), (100.0, 5.4))
 """Temperature, degrees Celsius, and kinematic viscosity, mm^2/s, of a mineral oil of ISO grade VG 32 (assumed)."""
 
 
@@ -25,11 +25,12 @@ def kinematic_viscosity(temperature: float) -> float:
     Args:
         temperature: Of the oil, degrees Celsius.
     """
-    (cool, thick), (hot, thin) = _KNOWN
-    outer = [log10(log10(v + 0.7)) for v in (thick, thin)]
-    steps = [log(t + _KELVIN) for t in (cool, hot)]
-    slope = (outer[1] - outer[0]) / (steps[1] - steps[0])
-    power = outer[0] + slope * (log(temperature + _KELVIN) - steps[0])
+    # A straight line through two points, with the logarithms of Walther's equation as its coordinates.
+    (cool, thick), (hot, thin) = _VISCOSITIES
+    upper, lower = log10(log10(thick + 0.7)), log10(log10(thin + 0.7))
+    left, right = log(cool + _KELVIN), log(hot + _KELVIN)
+    slope = (lower - upper) / (right - left)
+    power = upper + slope * (log(temperature + _KELVIN) - left)
     return exp(log(10.0) * 10.0**power) - 0.7
 
 
@@ -127,6 +128,7 @@ class Friction:
             drag: Its viscous friction, N m s/rad.
         """
         stiffness = coulomb / self.presliding
+        # Without Stribeck's peak the friction takes energy whatever the damping.
         passive = drag / (self.static_ratio - 1.0) if self.static_ratio > 1.0 else inf
         return stiffness, min(stiffness * self.bristle_time, passive)
 
@@ -178,6 +180,7 @@ class Actuator:
         """Viscous friction at the oil's temperature, N m s/rad."""
         if self.friction is None:
             return 0.0
+        # Drag in a film of oil goes with its viscosity.
         thickness = relative_viscosity(self.hydraulics.oil_temperature)
         return self.friction.viscous * self.rated_torque / self.no_load_speed * thickness
 
@@ -327,14 +330,16 @@ class ElectricDrive:
     @property
     def motor(self) -> DcMotor:
         """The drive at the joint; without power its windings are shorted and its brake holds."""
+        largest_input = self.bus_voltage if self.powered else 1e-12 * self.bus_voltage
+        brake = 0.0 if self.powered else self.brake_torque * self.rated_torque
         return DcMotor(
             constant=self.torque_constant * self.gear_ratio,
             resistance=self.resistance,
             inductance=self.electrical_lag * self.resistance,
-            largest_input=self.bus_voltage if self.powered else 1e-12 * self.bus_voltage,
+            largest_input=largest_input,
             maximum_torque=self.maximum_torque,
             armature=self.rotor_inertia * self.gear_ratio**2,
-            brake=0.0 if self.powered else self.brake_torque * self.rated_torque,
+            brake=brake,
         )
 
     @property

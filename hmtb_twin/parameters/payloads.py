@@ -20,8 +20,11 @@ class Payload:
     @property
     def inertia(self) -> tuple[float, float, float]:
         """Principal moments of inertia about the centre of mass, kg m^2."""
-        x, y, z = (side**2 for side in self.size)
-        return (self.mass * (y + z) / 12.0, self.mass * (x + z) / 12.0, self.mass * (x + y) / 12.0)
+        length, width, height = (side**2 for side in self.size)
+        roll = self.mass * (width + height) / 12.0
+        pitch = self.mass * (length + height) / 12.0
+        yaw = self.mass * (length + width) / 12.0
+        return (roll, pitch, yaw)
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,7 @@ class Seat:
         Returns:
             Position (3,), m, and rotation (3, 3) in the world: x down, z along the seat's x axis.
         """
+        # The columns are the tool's axes: down, to the side, along the seat's x axis.
         c, s = cos(self.yaw), sin(self.yaw)
         rotation = np.array([[0.0, -s, c], [0.0, c, s], [-1.0, 0.0, 0.0]])
         x, y, z = self.position
@@ -110,10 +114,12 @@ class Seat:
         (a, b), t, h = self.interior, self.wall / 2, self.depth / 2
         c, s = cos(self.guide_slope), sin(self.guide_slope)
         along, reach, height = self.guide_length / 2, self.guide_length * s, self.depth
+        # The walls across x cover the ends of those across y.
         for side in (1.0, -1.0):
             yield Plate((side * (a + t), 0.0, h), (t, b + 2 * t, h))
         for side in (1.0, -1.0):
             yield Plate((0.0, side * (b + t), h), (a, t, h))
+        # A guide's inner face begins at the upper inner edge of its wall and leans outward.
         offset, level = along * s + t * c, height + along * c - t * s
         for side in (1.0, -1.0):
             yield Plate((side * (a + offset), 0.0, level), (t, b + reach, along), (0.0, side * self.guide_slope))

@@ -52,21 +52,19 @@ class Plant:
     process_noise: float = 0.0
 
     def __post_init__(self) -> None:
-        for name, known in (("actuator", ACTUATOR_FORMS), ("servo", SERVOS), ("friction", FRICTIONS)):
+        for name, available in (("actuator", ACTUATOR_FORMS), ("servo", SERVOS), ("friction", FRICTIONS)):
             choice = getattr(self, name)
-            if not isinstance(choice, str) or choice not in known:
-                raise TwinError(f"plant: unknown {name} {shown(choice)}, available: {', '.join(known)}")
+            if not isinstance(choice, str) or choice not in available:
+                raise TwinError(f"plant: unknown {name} {shown(choice)}, available: {', '.join(available)}")
             # NumPy texts and numbers become Python's: equal plants are written equally to files.
             object.__setattr__(self, name, str(choice))
         lowest = 1.5 * Hydraulics.return_pressure
+        pressures = f"{lowest:g} MPa, well above the return pressure, to 100 MPa"
+        deflections = f"{LEAST_PRESLIDING:g} to 0.1 rad: the physics step does not resolve stiffer bristles"
         ranges: Mapping[str, tuple[float, float, str]] = {
             "friction_level": (0.0, 100.0, "0 to 100"),
-            "presliding": (
-                LEAST_PRESLIDING,
-                0.1,
-                f"{LEAST_PRESLIDING:g} to 0.1 rad: the physics step does not resolve stiffer bristles",
-            ),
-            "supply_pressure": (lowest, 100.0, f"{lowest:g} MPa, well above the return pressure, to 100 MPa"),
+            "presliding": (LEAST_PRESLIDING, 0.1, deflections),
+            "supply_pressure": (lowest, 100.0, pressures),
             "oil_temperature": (COLDEST, HOTTEST, f"{COLDEST:g} to {HOTTEST:g} degrees Celsius"),
             "process_noise": (0.0, 1.0, "0 to 1, a part of the rated torque"),
         }
@@ -76,11 +74,11 @@ class Plant:
                 raise TwinError(f"plant: {name} = {shown(getattr(self, name))} given, expected {expected}")
             object.__setattr__(self, name, value)
         # Rounded: a level computed from a torque may be off in its last digit.
-        least = round(STIFFEST * self.friction_level, 12)
-        if self.presliding < least:
+        shortest = round(STIFFEST * self.friction_level, 12)
+        if self.presliding < shortest:
             raise TwinError(
                 f"plant: presliding = {self.presliding:g} at friction_level = {self.friction_level:g} given, expected "
-                f"{least:g} to 0.1 rad: the physics step does not resolve stiffer bristles"
+                f"{shortest:g} to 0.1 rad: the physics step does not resolve stiffer bristles"
             )
 
     @property
@@ -99,6 +97,7 @@ class Plant:
     def _check_no_oil(self) -> None:
         for name in ("actuator", "servo", "supply_pressure", "oil_temperature"):
             value, nominal = getattr(self, name), getattr(type(self), name)
+            # "torque" is the law of every electric servo, so that naming it changes nothing.
             if value not in (nominal, "torque"):
                 raise TwinError(
                     f"plant: {name} = {value!r} given, but the drives of this arm are electric, without valves and "

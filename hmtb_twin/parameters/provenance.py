@@ -64,29 +64,31 @@ class Provenance:
 
 def provenance(owner: str, record: Any) -> tuple[Provenance, ...]:
     """Return one row for each parameter of a record that is declared with `quantity`, in order of declaration."""
-    return tuple(
-        Provenance(owner, item.name, getattr(record, item.name), **item.metadata)
-        for item in fields(record)
-        if "tag" in item.metadata
-    )
+    rows = []
+    for parameter in fields(record):
+        if "tag" in parameter.metadata:
+            rows.append(Provenance(owner, parameter.name, getattr(record, parameter.name), **parameter.metadata))
+    return tuple(rows)
 
 
 def provenance_table() -> tuple[Provenance, ...]:
     """Return the rows of all tagged parameters: the nominal arm first, then what differs on the arm in orbit."""
     rows: list[Provenance] = []
-    for owner, entry in _RECORDS.items():
-        records = (
-            {f"{owner} {name}": record for name, record in entry.items()}
-            if isinstance(entry, Mapping)
-            else {owner: entry}
-        )
-        rows += [row for name, record in records.items() if record is not None for row in provenance(name, record)]
+    for owner, records in _RECORDS.items():
+        if not isinstance(records, Mapping):
+            rows += provenance(owner, records)
+            continue
+        for name, record in records.items():
+            # The payload "none" has no parameters.
+            if record is not None:
+                rows += provenance(f"{owner} {name}", record)
     return tuple(rows)
 
 
 def markdown(row: Provenance) -> str:
     """Return one row of the table as Markdown."""
-    value = " x ".join(f"{v:.5g}" for v in row.value) if isinstance(row.value, tuple) else f"{row.value:.5g}"
+    components = row.value if isinstance(row.value, tuple) else (row.value,)
+    value = " x ".join(f"{component:.5g}" for component in components)
     parameter = row.parameter.replace("_", " ")
     return f"| {row.owner.replace('_', ' ')} | {parameter} | {value} | {row.unit} | {row.tag} | {row.source} |"
 

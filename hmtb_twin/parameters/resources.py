@@ -13,12 +13,13 @@ def models_directory() -> Path:
         FileNotFoundError: Neither place holds models: the installation is incomplete.
     """
     package = Path(str(files("hmtb_twin")))
-    places = (package / "models", package.parent / "models")
-    for place in places:
-        if place.is_dir():
-            return place
+    # The wheel's own folder first: beside an installed package there may be a foreign folder of this name.
+    candidates = (package / "models", package.parent / "models")
+    for folder in candidates:
+        if folder.is_dir():
+            return folder
     raise FileNotFoundError(
-        f"no model folder found, expected one of {', '.join(map(str, places))}: "
+        f"no model folder found, expected one of {', '.join(map(str, candidates))}: "
         "the installation of hmtb-twin is incomplete"
     )
 
@@ -33,5 +34,5 @@ def model_file(name: str) -> Path:
     path = models / name
     if path.is_file():
         return path
-    available = sorted(p.relative_to(models).as_posix() for p in models.rglob("*.xml"))
+    available = sorted(file.relative_to(models).as_posix() for file in models.rglob("*.xml"))
     raise TwinError(f"no model file {name!r}, available: {', '.join(available) or 'none'}")

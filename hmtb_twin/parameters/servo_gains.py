@@ -53,21 +53,15 @@ def servo_dynamics(inertia: float, drag: float, motor: DcMotor, gains: ServoGain
         Matrix (4, 4) of angle, velocity, load pressure and filtered load pressure, in rad, MPa and s.
     """
     D, K = motor.constant, motor.resistance
-    opened = ((K if gains.feed is None else gains.feed) + gains.pressure) / D
-    flow = [
-        -opened * gains.kp,
-        -opened * gains.kd + (gains.compensated - 1.0) * D,
-        -K - gains.pressure - gains.dynamic,
-        gains.dynamic,
-    ]
-    return np.array(
-        [
-            [0.0, 1.0, 0.0, 0.0],
-            [0.0, -drag / inertia, D / inertia, 0.0],
-            np.array(flow) / motor.inductance,
-            [0.0, 0.0, 1.0 / gains.washout, -1.0 / gains.washout],
-        ]
-    )
+    feed = K if gains.feed is None else gains.feed
+    # Flow into the drive by angle, velocity, load pressure and its filtered value.
+    flow_per_torque = (feed + gains.pressure) / D
+    by_velocity = -flow_per_torque * gains.kd + (gains.compensated - 1.0) * D
+    by_pressure = -K - gains.pressure - gains.dynamic
+    flow = np.array([-flow_per_torque * gains.kp, by_velocity, by_pressure, gains.dynamic])
+    acceleration = [0.0, -drag / inertia, D / inertia, 0.0]
+    filtered_rate = [0.0, 0.0, 1.0 / gains.washout, -1.0 / gains.washout]
+    return np.array([[0.0, 1.0, 0.0, 0.0], acceleration, flow / motor.inductance, filtered_rate])
 
 
 def servo_gains(inertia: float, servo: Servo, drive: Drive, law: str = "torque") -> ServoGains:
@@ -108,8 +102,10 @@ def torque_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
         TwinError: The lag is too long for the wanted poles: the third one would be unstable.
     """
     motor = drive.motor
+    # Fast oil keeps its own lag; slow oil is made as fast as the servo needs.
     lag = min(servo.torque_lag, motor.lag)
     slow, fast = servo.slow_pole, servo.fast_pole
+    # The coefficient of s^2: lag and drag fix the sum of the poles, so that two wanted ones leave the third.
     third = -1.0 / lag - drive.drag / inertia - slow - fast
     if max(slow, fast, third) >= 0.0:
         raise TwinError(
@@ -143,9 +139,12 @@ def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
     D, K, compliance = motor.constant, motor.resistance, motor.inductance
     # Two radians of the resonance: the feedback passes four fifths of its damping there, and little at slow motion.
     washout = 2.0 * sqrt(compliance * inertia) / D
+    # 1.25 makes up for the fifth that does not pass; nothing is needed where the drive itself damps enough.
     dynamic = 1.25 * max(2.0 * servo.oil_damping * D * sqrt(compliance / inertia) - K, 0.0)
     washed = s * washout / (1.0 + s * washout)
-    kp = -((compliance * s + K + dynamic * washed) * (inertia * s + drive.drag) + D**2) * s / K
+    # The characteristic equation at the wanted pole, solved for kp.
+    oil, joint = compliance * s + K + dynamic * washed, inertia * s + drive.drag
+    kp = -(oil * joint + D**2) * s / K
     if not kp > 0.0:
         raise TwinError(f"wanted slow pole {s:g} rad/s asks for kp = {kp:g} N m/rad of a flow servo, expected above 0")
     return ServoGains(kp, 0.0, feed=K, dynamic=dynamic, washout=washout, compensated=0.0)

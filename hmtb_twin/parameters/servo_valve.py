@@ -92,6 +92,7 @@ class ServoValve:
         Returns:
             Factor by which the loop gain may grow, and the phase margin.
         """
+        # From far below the washout to far above the spool; the unwrapped phase needs a fine grid.
         frequency = np.geomspace(0.1, 10.0 * self.angular_frequency, 20_000)
         response = self.loop(frequency, static)
         phase = np.unwrap(np.angle(response))

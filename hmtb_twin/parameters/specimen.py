@@ -34,8 +34,8 @@ DEVIATIONS = ("stretch", "shear", "shift")
 
 LENGTHS = {
     "mass": len(LINK_NAMES),
-    **{name: AXES * len(LINK_NAMES) for name in DEVIATIONS},
-    **{name: len(JOINTS) for name in ("dry_friction", "drag", "kp", "kd")},
+    **dict.fromkeys(DEVIATIONS, AXES * len(LINK_NAMES)),
+    **dict.fromkeys(("dry_friction", "drag", "kp", "kd"), len(JOINTS)),
 }
 """Number of entries of each quantity that has one per body, axis or joint."""
 
@@ -87,27 +87,18 @@ class Specimen:
     resolver_noise: float = 1.0
 
     def __post_init__(self) -> None:
-        for name, given in vars(self).items():
+        for name, value in vars(self).items():
             lower, upper = _range(name)
-            if name not in LENGTHS:
-                object.__setattr__(self, name, _number(name, given, lower, upper))
-                continue
-            if isinstance(given, str) or not isinstance(given, Sequence | np.ndarray):
-                raise TwinError(f"specimen: {name} = {shown(given)} given, expected a tuple of numbers")
-            if len(given) not in (0, LENGTHS[name]):
-                raise TwinError(
-                    f"specimen: {len(given)} entries of {name} given, expected {LENGTHS[name]}, or none where nothing "
-                    "deviates"
-                )
-            values = tuple(_number(f"{name}[{i}]", value, lower, upper) for i, value in enumerate(given))
-            nominal = 0.0 if name in DEVIATIONS else 1.0
-            # Equal arms are equal records, whichever way they were written.
-            object.__setattr__(self, name, () if all(value == nominal for value in values) else values)
+            if name in LENGTHS:
+                object.__setattr__(self, name, _checked_tuple(name, value, lower, upper))
+            else:
+                object.__setattr__(self, name, _checked_number(name, value, lower, upper))
 
     @property
     def deviations(self) -> Mapping[str, float | tuple[float, ...]]:
         """Deviating parameters by the name of their field."""
-        return {name: value for name, value in vars(self).items() if value != getattr(NOMINAL_SPECIMEN, name)}
+        nominal = vars(NOMINAL_SPECIMEN)
+        return {name: value for name, value in vars(self).items() if value != nominal[name]}
 
     @property
     def as_designed(self) -> bool:
@@ -133,6 +124,7 @@ class Specimen:
             oil = replace(oil, bulk_modulus=self.bulk_modulus * oil.bulk_modulus, leakage=self.leakage * oil.leakage)
             drive = replace(drive, hydraulics=oil)
         dry, drag = self._of_joint("dry_friction", joint), self._of_joint("drag", joint)
+        # Electric drives have friction too, though no oil.
         if drive.friction is None or dry == drag == 1.0:
             return drive
         seals = drive.friction
@@ -161,13 +153,16 @@ class Specimen:
         # U but for its last row and column.
         shape = np.zeros((count, AXES, AXES))
         shape[:, range(AXES), range(AXES)] = np.exp(stretch)
+        # s12, s23, s13.
         shape[:, [0, 1, 0], [1, 2, 2]] = shear
         # Second moments of the mass per mass, and their roots: the bodies' extents along their axes.
         extents = np.sqrt((0.5 * moments.sum(axis=1, keepdims=True) - moments) / masses[:, None])
-        half = extents[:, :, None] * shape
-        second = (factors * masses)[:, None, None] * (half @ half.transpose(0, 2, 1))
-        spread = np.trace(second, axis1=1, axis2=2)
-        return factors * masses, centres + extents * shift, spread[:, None, None] * np.eye(AXES) - second
+        root = extents[:, :, None] * shape
+        second_moments = (factors * masses)[:, None, None] * (root @ root.transpose(0, 2, 1))
+        # Inertia = trace(S) 1 - S.
+        trace = np.trace(second_moments, axis1=1, axis2=2)
+        inertias = trace[:, None, None] * np.eye(AXES) - second_moments
+        return factors * masses, centres + extents * shift, inertias
 
     @property
     def deviating(self) -> tuple[str, ...]:
@@ -180,7 +175,8 @@ class Specimen:
     @property
     def _shapes(self) -> np.ndarray:
         """Stretch, shear and shift (3, 8, 3)."""
-        return np.array([getattr(self, name) or [0.0] * LENGTHS[name] for name in DEVIATIONS]).reshape(3, -1, AXES)
+        shapes = [getattr(self, name) or [0.0] * LENGTHS[name] for name in DEVIATIONS]
+        return np.array(shapes).reshape(3, -1, AXES)
 
     def _of_joint(self, name: str, joint: str) -> float:
         values = getattr(self, name)
@@ -188,16 +184,36 @@ class Specimen:
 
 
 def _range(name: str) -> tuple[float, float]:
+    """Return the smallest and the largest value of a quantity."""
     if name in DEVIATIONS:
         return -FARTHEST, FARTHEST
-    return (0.0 if name in MAY_VANISH else 1.0 / LARGEST), LARGEST
+    smallest = 0.0 if name in MAY_VANISH else 1.0 / LARGEST
+    return smallest, LARGEST
 
 
-def _number(name: str, value: object, lower: float, upper: float) -> float:
-    number = real_number(value)
-    if not lower <= number <= upper:
+def _checked_tuple(name: str, value: object, lower: float, upper: float) -> tuple[float, ...]:
+    """Return a quantity with several entries as a tuple of floats, an empty one if all are nominal."""
+    if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
+        raise TwinError(f"specimen: {name} = {shown(value)} given, expected a tuple of numbers")
+    if len(value) not in (0, LENGTHS[name]):
+        raise TwinError(
+            f"specimen: {len(value)} entries of {name} given, expected {LENGTHS[name]}, or none where nothing deviates"
+        )
+    factors = []
+    for i, factor in enumerate(value):
+        factors.append(_checked_number(f"{name}[{i}]", factor, lower, upper))
+    nominal = 0.0 if name in DEVIATIONS else 1.0
+    # Equal arms are equal records, whichever way they were written.
+    deviates = any(factor != nominal for factor in factors)
+    return tuple(factors) if deviates else ()
+
+
+def _checked_number(name: str, value: object, lower: float, upper: float) -> float:
+    """Return a number as a float; raises `TwinError` outside its range."""
+    real = real_number(value)
+    if not lower <= real <= upper:
         raise TwinError(f"specimen: {name} = {shown(value)} given, expected a number from {lower:g} to {upper:g}")
-    return number
+    return real
 
 
 NOMINAL_SPECIMEN = Specimen()

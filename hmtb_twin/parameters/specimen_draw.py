@@ -70,9 +70,10 @@ class Distribution:
         if self.kind == "uniform":
             return self._middle + self.spread * rng.uniform(-1.0, 1.0, count)
         normal = rng.standard_normal(count)
+        # Redrawn rather than clipped: clipping would heap arms at the bounds.
         while (outside := np.abs(normal) > CUT).any():
             normal[outside] = rng.standard_normal(int(outside.sum()))
-        return np.array([self._at(float(number)) for number in normal])
+        return np.array([self._at(float(deviation)) for deviation in normal])
 
     @property
     def _middle(self) -> float:
@@ -80,12 +81,14 @@ class Distribution:
             raise TwinError("numbers requested of a distribution without a centre, expected a stated centre")
         return self.centre
 
-    def _at(self, number: float) -> float:
-        """Return the value at a standard normal number; of a uniform distribution, the nearest possible one."""
+    def _at(self, deviation: float) -> float:
+        """Return the value at a standard normal deviation; of a uniform distribution, the nearest possible one."""
         if self.kind == "lognormal":
-            exponent = log(self._middle) + self.spread * number
+            exponent = log(self._middle) + self.spread * deviation
             return exp(exponent) if exponent < LARGEST else inf
-        return self._middle + self.spread * (number if self.kind == "normal" else float(np.clip(number, -1.0, 1.0)))
+        if self.kind != "normal":
+            deviation = float(np.clip(deviation, -1.0, 1.0))
+        return self._middle + self.spread * deviation
 
 
 @dataclass(frozen=True)
@@ -118,16 +121,18 @@ class TwinDistributions:
     process_noise: Distribution | None = None
 
     def __post_init__(self) -> None:
-        for name, entry in vars(self).items():
-            if entry is None:
+        for name, distribution in vars(self).items():
+            if distribution is None:
                 continue
-            if not isinstance(entry, Distribution):
-                raise TwinError(f"{name} = {entry!r} given, expected a Distribution")
-            try:
-                distribution = entry if entry.centre is not None else replace(entry, centre=_nominal(name))
-            except TwinError as error:
-                raise TwinError(f"{name}: {error}") from error
+            if not isinstance(distribution, Distribution):
+                raise TwinError(f"{name} = {distribution!r} given, expected a Distribution")
+            if distribution.centre is None:
+                try:
+                    distribution = replace(distribution, centre=_nominal(name))
+                except TwinError as error:
+                    raise TwinError(f"{name}: {error}") from error
             object.__setattr__(self, name, distribution)
+            # A draw that fails on one arm in thousands would show only late: the extremes must be possible arms.
             lower, upper = distribution.support()
             try:
                 _check(name, lower)
@@ -147,27 +152,27 @@ class TwinDistributions:
         Raises:
             TwinError: No table, an unknown quantity or key, or an invalid distribution.
         """
-        values: dict[str, Distribution] = {}
-        for name, value in _entries("distributions", table, cls).items():
-            entries = _entries(name, value, Distribution)
-            if "kind" not in entries:
+        distributions: dict[str, Distribution] = {}
+        for name, value in _checked_table("distributions", table, cls).items():
+            settings = _checked_table(name, value, Distribution)
+            if "kind" not in settings:
                 raise TwinError(f"{name} without a kind given, expected one of {', '.join(KINDS)}")
             try:
-                values[name] = Distribution(**entries)
+                distributions[name] = Distribution(**settings)
             except TwinError as error:
                 raise TwinError(f"{name}: {error}") from error
-        return cls(**values)
+        return cls(**distributions)
 
     def to_toml(self) -> str:
         """Write the distributions as the lines of a TOML table that `from_table` reads back equal."""
         lines = []
         for name, distribution in self.stated.items():
-            entries = [f'kind = "{distribution.kind}"']
+            settings = [f'kind = "{distribution.kind}"']
             if distribution.spread:
-                entries.append(f"spread = {distribution.spread!r}")
+                settings.append(f"spread = {distribution.spread!r}")
             if distribution.centre != _nominal(name):
-                entries.append(f"centre = {distribution.centre!r}")
-            lines.append(f"{name} = {{ {', '.join(entries)} }}\n")
+                settings.append(f"centre = {distribution.centre!r}")
+            lines.append(f"{name} = {{ {', '.join(settings)} }}\n")
         return "".join(lines)
 
 
@@ -187,18 +192,21 @@ def draw_specimen(
     """
     values: dict[str, Any] = {}
     for name, distribution in distributions.stated.items():
+        # The CRC of the name, because Python's own hash of a text differs from process to process.
         stream = np.random.SeedSequence(
             seed_sequence.entropy,
             spawn_key=(*seed_sequence.spawn_key, crc32(name.encode())),
             pool_size=seed_sequence.pool_size,
         )
-        numbers = distribution.draw(LENGTHS.get(name, 1), np.random.Generator(np.random.PCG64(stream)))
-        values[name] = tuple(map(float, numbers)) if name in LENGTHS else float(numbers[0])
+        # PCG64 by name: the default generator of NumPy may change, and with it the arm of a seed.
+        rng = np.random.Generator(np.random.PCG64(stream))
+        draws = distribution.draw(LENGTHS.get(name, 1), rng)
+        values[name] = tuple(map(float, draws)) if name in LENGTHS else float(draws[0])
     plant_values = {name: values.pop(name) for name in list(values) if name not in _OF_SPECIMEN}
     return Specimen(**values), MappingProxyType(plant_values)
 
 
-_OF_SPECIMEN = frozenset(entry.name for entry in fields(Specimen))
+_OF_SPECIMEN = frozenset(attribute.name for attribute in fields(Specimen))
 
 
 def _nominal(name: str) -> float:
@@ -217,11 +225,12 @@ def _check(name: str, value: float) -> None:
         Specimen(**{name: value})  # type: ignore[arg-type]
 
 
-def _entries(key: str, table: object, kind: type) -> dict[str, Any]:
-    known = [entry.name for entry in fields(kind)]
+def _checked_table(key: str, table: object, record: type) -> dict[str, Any]:
+    """Return a TOML table whose keys are attributes of a record."""
+    available = [attribute.name for attribute in fields(record)]
     if not isinstance(table, Mapping):
-        raise TwinError(f"{key} = {table!r} given, expected a table of {', '.join(known)}")
+        raise TwinError(f"{key} = {table!r} given, expected a table of {', '.join(available)}")
     for name in table:
-        if name not in known:
-            raise TwinError(f"{key}: unknown key {name!r}, available: {', '.join(known)}")
+        if name not in available:
+            raise TwinError(f"{key}: unknown key {name!r}, available: {', '.join(available)}")
     return dict(table)

@@ -215,8 +215,10 @@ class HandController:
     )
 
     def __post_init__(self) -> None:
-        gains, whole = [name for name in vars(self) if name.endswith("gain")], ("adc_bits", "hold")
+        gains = [name for name in vars(self) if name.endswith("gain")]
+        integers = ("adc_bits", "hold")
         volts = (0.0, 1000.0, "0 V to 1000 V")
+        # Below half the sampling rate: the low-pass is one of samples.
         corner = (0.0, nextafter(SAMPLE_RATE / 2, 0.0), f"0 to below {SAMPLE_RATE / 2:g} Hz")
         ranges = {
             **dict.fromkeys(gains, (-100.0, 100.0, "up to 100 either way, not 0")),
@@ -233,13 +235,17 @@ class HandController:
             "bias": volts,
             "compensation": (0.0, 1.0, "0 to 1"),
         }
+        # Bounds of what anybody can mean: they catch typing errors, not implausible interfaces.
         for name, (lower, upper, expected) in ranges.items():
-            given = getattr(self, name)
-            value = real_number(given)
-            apart = value == 0.0 if name in gains else name in whole and not value.is_integer()
-            if apart or not lower <= value <= upper:
-                raise TwinError(f"hand controller: {name} = {shown(given)} given, expected {expected}")
-            object.__setattr__(self, name, int(value) if name in whole else value)
+            value = real_number(getattr(self, name))
+            # A gain of zero would leave the axis without any command.
+            vanishing_gain = name in gains and value == 0.0
+            fraction = name in integers and not value.is_integer()
+            if vanishing_gain or fraction or not lower <= value <= upper:
+                raise TwinError(f"hand controller: {name} = {shown(getattr(self, name))} given, expected {expected}")
+            if name in integers:
+                value = int(value)
+            object.__setattr__(self, name, value)
 
     @property
     def adc_limit(self) -> int:
@@ -282,5 +288,5 @@ LARGE_MOTION = HandController(
 
 RECORDER = Recorder()
 
-BUS = {name: BusTerminal(0 if name == "shoulder_pitch" else 1) for name in JOINTS}
+BUS = {name: BusTerminal() for name in JOINTS} | {"shoulder_pitch": BusTerminal(0)}
 """Bus delay of each measured angle; the analyst identifies nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""

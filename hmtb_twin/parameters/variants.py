@@ -64,11 +64,11 @@ PUBLISHED_SERVOS: Mapping[str, Servo] = MappingProxyType(
 )
 """The servo of each joint."""
 
+_LIGHT_YAW = replace(ACTUATORS["shoulder_yaw"], friction=LightFriction())
+_LIGHT_ROLL = replace(ACTUATORS["wrist_roll"], friction=LightFriction())
+
 PUBLISHED_ACTUATORS: Mapping[str, Actuator] = MappingProxyType(
-    {
-        **ACTUATORS,
-        **{name: replace(ACTUATORS[name], friction=LightFriction()) for name in ("shoulder_yaw", "wrist_roll")},
-    }
+    {**ACTUATORS, "shoulder_yaw": _LIGHT_YAW, "wrist_roll": _LIGHT_ROLL}
 )
 """The drive of each joint: nominal but for the seals of two joints, whose servos are too soft for nominal ones."""
 
@@ -94,7 +94,7 @@ class FlightServo(Servo):
     fast_pole: float = quantity(-70.0, "rad/s", "assumed", "well apart from the slow one, more outward")
 
 
-_MASSES = {
+_MASSES_AND_RADII = {
     "shoulder_roll": (6.0, 0.09),
     "shoulder_yaw": (6.0, 0.09),
     "shoulder_pitch": (9.0, 0.08),
@@ -105,11 +105,19 @@ _MASSES = {
     "end_effector": (3.0, 0.045),
 }
 
-FLIGHT_LINKS: Mapping[str, Link] = MappingProxyType(
-    {name: FlightLink(LINKS[name].length, mass, radius) for name, (mass, radius) in _MASSES.items()}
-)
+
+def _flight_links() -> dict[str, Link]:
+    """Return the links of the arm in orbit, which have the ground arm's lengths."""
+    links: dict[str, Link] = {}
+    for name, (mass, radius) in _MASSES_AND_RADII.items():
+        links[name] = FlightLink(LINKS[name].length, mass, radius)
+    return links
+
+
+FLIGHT_LINKS: Mapping[str, Link] = MappingProxyType(_flight_links())
 """The link that each joint moves, and the end effector."""
 
+# Torque constant times gear ratio times largest current gives the torques named below.
 _SHOULDER = ElectricDrive(torque_constant=0.15, resistance=0.5, rotor_inertia=6e-5, largest_current=12.0)
 _ELBOW = ElectricDrive(torque_constant=0.12, resistance=0.7, rotor_inertia=4e-5, largest_current=8.5)
 _WRIST = ElectricDrive(torque_constant=0.07, gear_ratio=100.0, resistance=1.0, rotor_inertia=1e-5, largest_current=7.0)
@@ -120,14 +128,10 @@ FLIGHT_DRIVES: Mapping[str, ElectricDrive] = MappingProxyType(
 )
 """The drive of each joint: 288, 163 and 49 N m at shoulder, elbow and wrist."""
 
+_FAST_POLES = (-70.0, -70.0, -90.0, -140.0, -200.0, -200.0, -200.0)
+
 FLIGHT_SERVOS: Mapping[str, Servo] = MappingProxyType(
-    dict(
-        zip(
-            JOINTS,
-            map(FlightServo, (-13.0,) * 7, (-70.0, -70.0, -90.0, -140.0, -200.0, -200.0, -200.0)),
-            strict=True,
-        )
-    )
+    {joint: FlightServo(fast_pole=pole) for joint, pole in zip(JOINTS, _FAST_POLES, strict=True)}
 )
 """The servo of each joint."""
 
@@ -169,12 +173,14 @@ class Variant:
         """Raise `TwinError` for hydraulics that cannot be."""
         hydraulic = {name: drive for name, drive in self.actuators.items() if isinstance(drive, Actuator)}
         for name, actuator in hydraulic.items():
-            least = LEAST_VOLUME * actuator.displacement * (MOTIONS[name].upper - MOTIONS[name].lower)
-            if actuator.trapped_volume < least:
+            smallest = LEAST_VOLUME * actuator.displacement * (MOTIONS[name].upper - MOTIONS[name].lower)
+            if actuator.trapped_volume < smallest:
                 raise TwinError(
                     f"{self.name}: trapped volume {actuator.trapped_volume:g} cm3 of the {name.replace('_', ' ')} "
-                    f"given, expected at least {least:.0f}: {LEAST_VOLUME:g} times what the joint sweeps over its range"
+                    f"given, expected at least {smallest:.0f}: {LEAST_VOLUME:g} times what the joint sweeps over its "
+                    "range"
                 )
+        # All joints at full speed must not starve each other: the pump feeds every valve at once.
         flow = sum(actuator.rated_flow for actuator in hydraulic.values())
         if flow > POWER_UNIT.largest_flow:
             raise TwinError(
@@ -185,39 +191,37 @@ class Variant:
             friction = drive.friction
             if friction is None:
                 continue
+            # `Friction.bristles` would silently reduce the damping; a variant's own numbers must not need that.
             damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
-            most = drive.drag / (friction.static_ratio - 1.0) if friction.static_ratio > 1.0 else inf
-            if damping > most:
+            passive = drive.drag / (friction.static_ratio - 1.0) if friction.static_ratio > 1.0 else inf
+            if damping > passive:
                 raise TwinError(
                     f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, "
-                    f"expected at most {most:.3g}: beyond, the friction is not passive"
+                    f"expected at most {passive:.3g}: beyond, the friction is not passive"
                 )
 
 
+_NOMINAL = Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read", servo="flow")
+_PUBLISHED = Variant(
+    "published",
+    "dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
+    actuators=PUBLISHED_ACTUATORS,
+    servos=PUBLISHED_SERVOS,
+)
+_FLIGHT = Variant(
+    "flight",
+    "the arm in orbit: weightless, lighter links, electric drives, about 2 Hz",
+    gravity=0.0,
+    links=FLIGHT_LINKS,
+    actuators=FLIGHT_DRIVES,
+    servos=FLIGHT_SERVOS,
+)
+_RELEASED = Variant(
+    "released", "the nominal arm with its shoulder roll free: seven joints move", servo="flow", indexed=()
+)
+
 VARIANTS: Mapping[str, Variant] = MappingProxyType(
-    {
-        arm.name: arm
-        for arm in (
-            Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read", servo="flow"),
-            Variant(
-                "published",
-                "dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
-                actuators=PUBLISHED_ACTUATORS,
-                servos=PUBLISHED_SERVOS,
-            ),
-            Variant(
-                "flight",
-                "the arm in orbit: weightless, lighter links, electric drives, about 2 Hz",
-                gravity=0.0,
-                links=FLIGHT_LINKS,
-                actuators=FLIGHT_DRIVES,
-                servos=FLIGHT_SERVOS,
-            ),
-            Variant(
-                "released", "the nominal arm with its shoulder roll free: seven joints move", servo="flow", indexed=()
-            ),
-        )
-    }
+    {arm.name: arm for arm in (_NOMINAL, _PUBLISHED, _FLIGHT, _RELEASED)}
 )
 """All arms by name."""
 

@@ -92,6 +92,7 @@ class BatchRun:
         self.substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
         self._simulations = simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
         self._models = [row.arm.model for row in rows]
+        # The batch begins with the first arm's model in every row.
         if len(set(map(id, self._models))) > 1:
             self._simulations.set_models(self._models)
         for i, row in enumerate(rows):
@@ -149,6 +150,7 @@ class BatchRun:
 
     def switch_power(self, tick: int, *, on: bool) -> None:
         """Set the servo power of live experiments from a future tick to the end of the run."""
+        # Later switches that were planned are overwritten: whoever holds the switch decides.
         for i in self._live:
             self._rows[i].station.powered[tick:] = on
         self._switched = _switched(self._rows)
@@ -226,6 +228,7 @@ class BatchRun:
         for i in active[simulations.warning[active, :, 1].any(axis=1)].tolist():
             names = warning_names(simulations.warning[i, :, 1])
             self._fail(i, f"the physics engine warned of {names} at {tick * SAMPLE_TIME:.2f} s")
+        # Rows that are at their end stay in the arrays and are stepped no more.
         self._active = self._active[self._lengths[self._active] > tick + 1]
 
     def _fail(self, i: int, reason: str) -> None:

@@ -96,6 +96,7 @@ class LiveRun:
 
     def step(self) -> Frame | None:
         """Run one tick and return the arm after it; None at the end of the experiment or after a failure."""
+        # A copy: the next step overwrites the arrays of the batch.
         angles = self._run.channels()["true_angles"][0].copy()
         if next(self._steps, None) is None:
             return None
@@ -159,5 +160,6 @@ class LiveRun:
         if self.tick == 0:
             raise TwinError(f"{self._row.experiment.name}: nothing was recorded, the run ended before its first tick")
         self._steps.close()
+        # The log describes the run as it was, with the shutdowns made while it ran.
         self._row.experiment = self.experiment
         return self._row.log(self.tick)

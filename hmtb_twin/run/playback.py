@@ -43,6 +43,7 @@ def pictured_log(record: BusRecord) -> JointLog:
     command, angles, wrench = map(_held, (record.commanded, record.measured, record.wrench))
     if not all(np.isfinite(values).all() for values in (command, angles, wrench)):
         raise TwinError(f"{record.name}: all values of a channel were lost; there is nothing to replay")
+    # What the bus does not carry shows nothing: no volts, no pressures.
     volts, status = np.zeros((len(record), len(record.axes))), np.nan_to_num(record.status).astype(int)
     unknown = np.zeros_like(angles)
     return JointLog(
@@ -140,6 +141,7 @@ def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) 
                     return
                 start, time = perf_counter(), 0.0
             tick = min(int(time / log.dt), len(log) - 1)
+            # The viewer shows this time; nothing is simulated.
             data.time = tick * log.dt
             data.qpos[: len(JOINTS)] = log.true_angles[tick]
             if log.unit_pose is not None:

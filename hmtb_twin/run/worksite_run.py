@@ -62,6 +62,7 @@ class WorksiteRun:
     @property
     def contact_force(self) -> np.ndarray:
         """Largest sum of normal forces between unit and worksite during the last tick (n, 1), N."""
+        # A blow may be over before the tick ends: the largest of all its physics steps counts.
         return self._touch.max(axis=1, keepdims=True)
 
     def look(self, i: int) -> UnitView:
@@ -71,6 +72,7 @@ class WorksiteRun:
 
     def close(self, i: int, closed: bool) -> bool:
         """Open or close the fingers of simulation i; return whether its models have changed."""
+        # Fingers that missed the unit must be opened before they can hold it.
         before, self._closed[i] = self._closed[i], closed
         if closed == before:
             return False

@@ -108,12 +108,10 @@ class LinearHydraulics:
             Joint velocity, rad/cm^3, and load pressure, MPa s/cm^3, at these instants: (n, 2).
         """
         drive = np.array([0.0, 1.0 / self.compliance])
-        dynamics = np.array(
-            [
-                [-self.drag / self.inertia, self.displacement / self.inertia],
-                [-self.displacement / self.compliance, -self.flow_pressure_gain / self.compliance],
-            ]
-        )
+        acceleration = [-self.drag / self.inertia, self.displacement / self.inertia]
+        pressure_rate = [-self.displacement / self.compliance, -self.flow_pressure_gain / self.compliance]
+        dynamics = np.array([acceleration, pressure_rate])
+        # By modes: x(t) = x_steady + sum of w_i exp(lambda_i t) v_i, with x(0) = 0.
         steady = -np.linalg.solve(dynamics, drive)
         values, vectors = np.linalg.eig(dynamics)
         weights = np.linalg.solve(vectors, -steady.astype(complex))
@@ -131,7 +129,10 @@ class LinearHydraulics:
         """
         motor = DcMotor(self.displacement, self.flow_pressure_gain, self.compliance, self.largest_flow, np.inf)
         dynamics = servo_dynamics(self.inertia, self.drag, motor, gains)
-        roots = np.linalg.eigvals(dynamics if gains.dynamic else dynamics[:3, :3]).astype(complex)
+        if not gains.dynamic:
+            # The filtered load pressure, the last state, acts on nothing.
+            dynamics = dynamics[:3, :3]
+        roots = np.linalg.eigvals(dynamics).astype(complex)
         return roots[np.argsort(-roots.real, kind="stable")]
 
 

@@ -60,7 +60,9 @@ def innovations_form(model: StateSpace, drives: np.ndarray, resolvers: np.ndarra
     P = _predicted_covariance(model, drives, resolvers)
     S = C @ P @ C.T + resolvers
     K = np.linalg.solve(S, C @ P @ A.T).T
-    residual = np.abs(A @ P @ A.T + drives @ drives.T - K @ S @ K.T - P).max() / np.abs(P).max()
+    # Checked by the equation itself: the doubling may settle on something that does not solve it.
+    imbalance = A @ P @ A.T + drives @ drives.T - K @ S @ K.T - P
+    residual = np.abs(imbalance).max() / np.abs(P).max()
     radius = np.abs(np.linalg.eigvals(A - K @ C)).max()
     if not (residual <= RESIDUAL and radius < 1.0):
         raise TwinError(
@@ -80,10 +82,12 @@ def _predicted_covariance(model: StateSpace, drives: np.ndarray, resolvers: np.n
     Returns:
         P (n, n), symmetric.
     """
+    # Outputs in standard deviations of their noise: R becomes the identity.
     try:
         C = np.linalg.solve(np.linalg.cholesky(resolvers), model.C)
     except np.linalg.LinAlgError as error:
         raise TwinError(f"resolver noise given whose covariance is not positive definite: {error}") from error
+    # From a known state: after one tick the covariance is that of the drives' noise alone.
     transition, information, covariance = model.A.T, C.T @ C, drives @ drives.T
     # Noise that grows without bound overflows; the error below reports it.
     with np.errstate(all="ignore"):
@@ -123,12 +127,8 @@ def minimal_innovations_form(model: StateSpace, tolerance: float) -> StateSpace:
     """
     if not np.any(model.gain):
         return model.minimal(tolerance)
-    both = StateSpace(
-        model.A,
-        np.hstack([model.B, model.gain]),
-        model.C,
-        np.hstack([model.D, np.eye(model.ny)]),
-        None,
-        model.dt,
-    ).minimal(tolerance)
-    return replace(model, A=both.A, B=both.B[:, : model.nu], C=both.C, K=both.B[:, model.nu :])
+    # Innovations as further inputs, which reach the outputs directly: truncation then keeps K with B.
+    inputs = np.hstack([model.B, model.gain])
+    feedthrough = np.hstack([model.D, np.eye(model.ny)])
+    joined = StateSpace(model.A, inputs, model.C, feedthrough, None, model.dt).minimal(tolerance)
+    return replace(model, A=joined.A, B=joined.B[:, : model.nu], C=joined.C, K=joined.B[:, model.nu :])

@@ -10,6 +10,7 @@ from scipy.linalg import block_diag
 
 from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import software_versions
+from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.files.errors import OverloadError, TwinError
 from hmtb_twin.parameters.values import JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
 from hmtb_twin.truth.innovations import Disturbances, innovations_form
@@ -71,13 +72,16 @@ def sample_map(
     cuts = np.cumsum([precise.nq, precise.nv, precise.na])
 
     def after(start: np.ndarray) -> np.ndarray:
+        # Without the reset, warm starts of the solver would carry over from one difference to the next.
         mujoco.mj_resetData(precise, data)
         data.eq_active[:] = rest.eq_active
         data.qpos[:], data.qvel[:], data.act[:], data.ctrl[:] = np.split(start, cuts)
         mujoco.mj_step(precise, data, nstep=substeps)
         return np.concatenate([data.qpos, data.qvel, data.act])
 
-    columns = [(after(point + e) - after(point - e)) / (2.0 * step) for e in step * np.eye(len(point))]
+    columns = []
+    for shift in step * np.eye(len(point)):
+        columns.append((after(point + shift) - after(point - shift)) / (2.0 * step))
     jacobian = np.column_stack(columns)
     return jacobian[:, :states], jacobian[:, states:]
 
@@ -121,10 +125,12 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         raise TwinError(f"amplitudes = {amplitudes!r} given, expected a sequence of numbers in rad")
     smooth = sliding(arm)
     angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
+    # Checked once more where the arm rests, which may be lower than commanded.
     check_range(angles, arm.indexed)
     path, disturbances = _sampled_model(smooth, angles)
     model = innovations_form(path, disturbances.drives, disturbances.resolvers)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in amplitudes}
+    pose_name = pose if isinstance(pose, str) else "given angles"
     return Truth(
         model=model,
         disturbances=disturbances,
@@ -132,7 +138,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
         payload=arm.payload,
         plant=arm.plant,
         specimen=arm.specimen,
-        pose=pose if isinstance(pose, str) else "given angles",
+        pose=pose_name,
         angles=angles,
         small_signal_error=errors,
         provenance={"method": METHOD, **software_versions()},
@@ -152,6 +158,7 @@ def _angles(pose: np.ndarray) -> np.ndarray:
         array = np.asarray(pose)
     except ValueError:  # rows of unequal length
         array = np.empty(0, dtype=object)
+    # Numpy would also turn texts, truth values and complex numbers into floats.
     angles = array.astype(float) if array.dtype.kind in "iuf" else np.empty(0)
     if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
         raise TwinError(f"pose {pose!r} given, expected a name or {len(JOINTS)} finite joint angles in rad")
@@ -166,8 +173,10 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
                 f"at {arm.plant.supply_pressure:g} MPa the drives let the {name.replace('_', ' ')} sink onto its stop, "
                 f"to {np.degrees(angle):g} deg"
             )
-    A, B = sample_map(arm.model, data, step=SPOOL_STEP if arm.plant.actuator == "orifice" else STEP)
+    step = SPOOL_STEP if arm.plant.actuator == "orifice" else STEP
+    A, B = sample_map(arm.model, data, step=step)
     states = len(A)
+    # Controls are commanded angle and feedforward torque of each joint in turn; the torque follows the command.
     torques = B[:, 1::2]
     B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)
     path = _delayed(A, B, np.eye(len(JOINTS), states), arm.delays)
@@ -181,24 +190,26 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
 
 def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) -> StateSpace:
     """Append to each output the shift register of its bus delay."""
-    registers = [np.eye(d, k=-1) for d in delays]
+    registers = [np.eye(delay, k=-1) for delay in delays]
     shift = block_diag(*registers) if delays.any() else np.zeros((0, 0))
+    # Into the first place of each register, out of its last; outputs without a delay are read directly.
     feed, read, direct = np.zeros((len(shift), len(C))), np.zeros((len(C), len(shift))), C.copy()
-    last = 0
+    first = 0
     for output, delay in enumerate(delays):
         if delay:
-            feed[last, output] = 1.0
-            last += delay
-            read[output, last - 1] = 1.0
+            feed[first, output] = 1.0
+            read[output, first + delay - 1] = 1.0
             direct[output] = 0.0
-    whole = np.block([[A, np.zeros((len(A), len(shift)))], [feed @ C, shift]])
+            first += delay
+    dynamics = np.block([[A, np.zeros((len(A), len(shift)))], [feed @ C, shift]])
     inputs = np.vstack([B, np.zeros((len(shift), B.shape[1]))])
     outputs = np.hstack([direct, read])
+    feedthrough = np.zeros((len(C), B.shape[1]))
     return StateSpace(
-        whole,
+        dynamics,
         inputs,
         outputs,
-        np.zeros((len(C), B.shape[1])),
+        feedthrough,
         None,
         SAMPLE_TIME,
         input_names=tuple(f"{name} commanded" for name in JOINTS),
@@ -225,27 +236,30 @@ def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitud
     Raises:
         TwinError: The amplitude is not a number above 0 and up to `LARGEST_AMPLITUDE`.
     """
-    number = isinstance(amplitude, Real) and not isinstance(amplitude, bool)
-    if not (number and 0.0 < amplitude <= LARGEST_AMPLITUDE):
+    is_number = isinstance(amplitude, Real) and not isinstance(amplitude, bool)
+    if not (is_number and 0.0 < amplitude <= LARGEST_AMPLITUDE):
         raise TwinError(f"amplitude {amplitude!r} given, expected above 0 and up to {LARGEST_AMPLITUDE:.4g} rad")
+    # The response of an unstable model grows without bound and says nothing of its error.
     if model.order and not np.abs(np.linalg.eigvals(model.A)).max() < 1.0:
         return np.nan
     # Binary commands held for five ticks excite the band of the servo and keep their amplitude at every instant.
+    # The seed is fixed, so that a truth does not depend on chance.
     bits = np.random.default_rng(0).choice([-amplitude, amplitude], 40)
     offsets = np.repeat(bits, 5)
-    worst = 0.0
+    largest_error = 0.0
     for name in STUDIED_JOINTS:
         j = JOINTS.index(name)
         command = np.tile(angles, (len(offsets), 1))
         command[:, j] += offsets
         response = linear(model, command - angles)[:, j]
         difference = simulated(arm, angles, command)[:, j] - response
+        # Without a response, or with one that overflows, the quotient is not finite: reported as NaN, without warnings.
         with np.errstate(invalid="ignore", divide="ignore"):
             error = np.linalg.norm(difference) / np.linalg.norm(response)
         if not np.isfinite(error):
             return np.nan
-        worst = max(worst, float(error))
-    return worst
+        largest_error = max(largest_error, float(error))
+    return largest_error
 
 
 def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
@@ -253,13 +267,13 @@ def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
     data = arm.rest(angles)
     start = data.qpos.copy()
     substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
-    read = np.empty_like(command)
+    readings = np.empty_like(command)
     for k, control in enumerate(arm.controls(command)):
-        read[k] = data.qpos
+        # Read before the command of the same tick acts, as the recorder does.
+        readings[k] = data.qpos
         data.ctrl[:] = control
         mujoco.mj_step(arm.model, data, nstep=substeps)
-    ticks = np.maximum(np.arange(len(read))[:, None] - arm.delays, 0)
-    return np.take_along_axis(read, ticks, axis=0) - start
+    return delayed(readings, arm.delays) - start
 
 
 def linear(model: StateSpace, offsets: np.ndarray) -> np.ndarray:

@@ -24,8 +24,10 @@ def logged_payloads(log: JointLog) -> tuple[tuple[float, str], ...]:
         TwinError: The provenance of the log names none, or is damaged.
     """
     try:
-        changes = [(float(time), str(payload)) for time, payload in loads(log.provenance.get("payload_changes", "[]"))]
-        return ((0.0, log.provenance["payload"]), *changes)
+        payloads = [(0.0, log.provenance["payload"])]
+        for time, payload in loads(log.provenance.get("payload_changes", "[]")):
+            payloads.append((float(time), str(payload)))
+        return tuple(payloads)
     except (KeyError, TypeError, ValueError) as error:
         raise TwinError(f"{log.name}: damaged provenance, its payloads cannot be read: {error}") from error
 
@@ -47,34 +49,48 @@ def logged_arm(log: JointLog, payload: str | None = None) -> Arm:
             f"{log.name}: its provenance lacks {', '.join(missing)}; expected a log of the twin, which knows the "
             "truth about its own arm only"
         )
-    if payload is None and len(payloads := logged_payloads(log)) > 1:
-        raise TwinError(
-            f"{log.name}: its payload changes, {', '.join(f'{name} from {time:g} s' for time, name in payloads)}; "
-            "expected one payload: the arm has another truth with each (hmtb truth --payload NAME)"
-        )
-    kinds = {"plant": Plant, "specimen": Specimen}
-    known = [f"{kind}_{entry.name}" for kind, record in kinds.items() for entry in fields(record)]
-    tables: dict[str, dict[str, Any]] = {kind: {} for kind in kinds}
-    for key, text in log.provenance.items():
-        kind, _, name = key.partition("_")
-        if kind in tables:
-            if key not in known:
-                raise TwinError(f"{log.name}: {key} in its provenance, expected one of {', '.join(known)}")
-            try:
-                tables[kind][name] = loads(text)
-            except ValueError:  # names of models of friction and so on are no JSON
-                tables[kind][name] = text
+    if payload is None:
+        payload = _only_payload(log)
+    settings = _logged_settings(log)
     try:
-        plant, specimen = Plant(**tables["plant"]), Specimen(**tables["specimen"])
+        plant, specimen = Plant(**settings["plant"]), Specimen(**settings["specimen"])
     except (TypeError, ValueError) as error:
         raise TwinError(f"{log.name}: damaged provenance: {error}") from error
-    return load_arm(
-        log.provenance["variant"],
-        log.provenance["payload"] if payload is None else payload,
-        plant=plant,
-        specimen=specimen,
-        friction=log.provenance["friction"] == "true",
-    )
+    # Written as in TOML.
+    friction = log.provenance["friction"] == "true"
+    return load_arm(log.provenance["variant"], payload, plant=plant, specimen=specimen, friction=friction)
+
+
+def _only_payload(log: JointLog) -> str:
+    """Return the payload of a log; raises `TwinError` if it changes."""
+    payloads = logged_payloads(log)
+    if len(payloads) > 1:
+        changes = ", ".join(f"{name} from {time:g} s" for time, name in payloads)
+        raise TwinError(
+            f"{log.name}: its payload changes, {changes}; "
+            "expected one payload: the arm has another truth with each (hmtb truth --payload NAME)"
+        )
+    return payloads[0][1]
+
+
+def _logged_settings(log: JointLog) -> dict[str, dict[str, Any]]:
+    """Return the attributes of plant and specimen that the provenance of a log names."""
+    plant_keys = [f"plant_{attribute.name}" for attribute in fields(Plant)]
+    specimen_keys = [f"specimen_{attribute.name}" for attribute in fields(Specimen)]
+    allowed = plant_keys + specimen_keys
+    settings: dict[str, dict[str, Any]] = {"plant": {}, "specimen": {}}
+    for key, value in log.provenance.items():
+        record, _, name = key.partition("_")
+        if record not in settings:
+            continue
+        # A key of a newer or foreign laboratory: without it the arm would silently be another one.
+        if key not in allowed:
+            raise TwinError(f"{log.name}: {key} in its provenance, expected one of {', '.join(allowed)}")
+        try:
+            settings[record][name] = loads(value)
+        except ValueError:  # names of models of friction and so on are no JSON
+            settings[record][name] = value
+    return settings
 
 
 def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
@@ -90,20 +106,18 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
     """
     # Truths are without dry friction, so that its level and bristles must not count as a difference.
     dry = {name: getattr(Plant, name) for name in ("friction_level", "presliding")}
-    truth_plant, log_plant = (vars(replace(plant.sliding, **dry)) for plant in (truth.plant, arm.plant))
-    pairs = {
-        "variant": (truth.variant, arm.variant),
-        "payload": (truth.payload, arm.payload),
-        **{name: (truth_plant[name], log_plant[name]) for name in truth_plant},
-        **{
-            f"specimen_{entry.name}": (getattr(truth.specimen, entry.name), getattr(arm.specimen, entry.name))
-            for entry in fields(Specimen)
-            if entry.name != "dry_friction"
-        },
-    }
-    differences = [
-        f"{name} = {of_truth}, not {of_log}" for name, (of_truth, of_log) in pairs.items() if of_truth != of_log
-    ]
+    truth_plant = vars(replace(truth.plant.sliding, **dry))
+    log_plant = vars(replace(arm.plant.sliding, **dry))
+    pairs = {"variant": (truth.variant, arm.variant), "payload": (truth.payload, arm.payload)}
+    pairs |= {name: (truth_plant[name], log_plant[name]) for name in truth_plant}
+    for attribute in fields(Specimen):
+        if attribute.name != "dry_friction":
+            truth_value, log_value = getattr(truth.specimen, attribute.name), getattr(arm.specimen, attribute.name)
+            pairs[f"specimen_{attribute.name}"] = (truth_value, log_value)
+    differences = []
+    for name, (truth_value, log_value) in pairs.items():
+        if truth_value != log_value:
+            differences.append(f"{name} = {truth_value}, not {log_value}")
     pose = log.provenance["pose"]
     if not np.allclose(truth.angles, arm.pose(pose), rtol=0.0, atol=1e-9):
         differences.append(f"pose = {truth.pose}, not {pose}")

@@ -41,11 +41,13 @@ def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     A, B, C = channel.A, channel.B.astype(complex), channel.C
     poles, vectors = np.linalg.eig(A)
     residues = (C @ vectors)[0] * np.linalg.solve(vectors, B)[:, 0]
+    # At 0 Hz, z = 1, a mode with pole p and residue r contributes r / (1 - p).
     shares = np.abs(residues / (1.0 - poles)) / abs(channel.dc_gain()[0, 0])
     moving = np.abs(poles) > ORIGIN
     shown = moving & (shares > SILENT)
     zeros = channel.zeros()
     zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) > ORIGIN) & (np.abs(zeros) < FAR)]
+    # Rounding and finite differences keep pole and cancelling zero apart: the nearest zero is its partner.
     for pole in poles[moving & ~shown]:
         if len(zeros):
             zeros = np.delete(zeros, np.argmin(np.abs(zeros - pole)))
@@ -160,26 +162,30 @@ class Truth:
         Raises:
             TwinError: There is no such joint, or the arm is unstable: it has no gain at 0 Hz, and no bandwidth.
         """
-        whole = self.channel(name, name)
+        channel = self.channel(name, name)
         if not self.spectral_radius < 1.0:
             conditions = ", ".join(f"{key} = {value!r}" for key, value in vars(self.plant).items())
             raise TwinError(
                 f"the arm is unstable at {self.pose} under {conditions}: spectral radius {self.spectral_radius:.6g} at "
                 f"{1.0 / self.dt:g} Hz, expected below 1"
             )
-        commanded = replace(whole, K=None)
-        path, (poles, shares, zeros) = commanded.minimal(MINIMAL), modal(commanded)
+        commanded = replace(channel, K=None)
+        path = commanded.minimal(MINIMAL)
+        poles, shares, zeros = modal(commanded)
         # 2 s of the pulse response: no bus delay is longer, and rounding stays below `DELAY`.
         pulse = np.abs(path.markov(100)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
-        late = np.zeros(max(0, delay - len(poles) + len(zeros)))
+        # The delay is the excess of poles over zeros: those that `modal` has left out are at the origin.
+        delay_poles = np.zeros(max(0, delay - len(poles) + len(zeros)))
+        indexed = name in variant_named(self.variant).indexed
+        bandwidth = np.nan if indexed else float(path.bandwidth()[0, 0])
         return JointTruth(
             name=name,
-            model=minimal_innovations_form(whole, MINIMAL),
-            bandwidth_hz=np.nan if name in variant_named(self.variant).indexed else float(path.bandwidth()[0, 0]),
+            model=minimal_innovations_form(channel, MINIMAL),
+            bandwidth_hz=bandwidth,
             dc_gain=float(path.dc_gain()[0, 0]),
-            poles=np.concatenate([poles, late]),
-            shares=np.concatenate([shares, late]),
+            poles=np.concatenate([poles, delay_poles]),
+            shares=np.concatenate([shares, delay_poles]),
             zeros=zeros,
             delay_samples=delay,
         )
@@ -215,6 +221,7 @@ class Truth:
                 names = tuple(JOINTS[j] for j in joints)
                 raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
         model, disturbances = self.model, self.disturbances
+        # Without K: the predictor of these measurements alone follows from the disturbances.
         path = StateSpace(
             model.A,
             model.B[:, inputs],
