@@ -83,6 +83,7 @@ def read_law(path: Path) -> Law:
     """
     try:
         content = parsed(path)
+        # As text: JSON may hold a list there, which is no key of a mapping.
         is_law = isinstance(content, dict) and content.get("format") == FORMAT and str(content.get("kind")) in LAWS
         if not is_law:
             raise ScenarioError(f"{path.name}: expected a law of hmtb control --out ({', '.join(LAWS)})")

@@ -91,6 +91,7 @@ def robustness_figure(results: Sequence[ControlResult]) -> Figure:
             fill = colour if score.stable else "none"
             axes.plot(MRAD * score.total, row, marker, color=colour, mfc=fill, label=label)
     axes.set_yticks(range(len(conditions)), [condition or "as identified" for condition in conditions], fontsize=8)
+    # Turned round: the first condition is on top.
     axes.set(xscale="log", xlabel="rms error over all joints / mrad", ylim=(len(conditions) - 0.5, -0.5))
     axes.set_title(results[0].runs.scenario.name)
     plain_marks(axes.xaxis, axes.get_xlim())

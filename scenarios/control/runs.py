@@ -128,6 +128,7 @@ def run_scenarios(
         for law_name, law in laws.items():
             add(index, law_name, scenario, law)
     # All in one call, so that the threads share them.
+    # A law that drives the arm out of its limits fails in its own run alone.
     result = simulate(experiments, threads=threads, progress=progress, keep_going=True)
     runs = tuple(ScenarioRuns(scenario, {}, {}) for scenario in scenarios)
     for log in result:

@@ -180,11 +180,13 @@ def seen_responses(request: FloatArray, answer: FloatArray, dt: float) -> Comple
     """
     responses = np.full((len(GRID), request.shape[1]), np.nan + 0j)
     moved = np.flatnonzero(np.ptp(request, axis=0) > MOVES)
+    # One lag window is cut off at the start, and the estimate needs more samples than another one.
     if not len(moved) or len(request) <= 2 * LAG:
         return responses
     data = IOData(request[:, moved], answer[:, moved], dt)[LAG:].detrend(1)
     # Requests too poor for any response leave it unknown.
     with warnings.catch_warnings(), suppress(SysidError):
+        # Of poor excitation at some frequencies: below, each frequency is judged by its own standard deviation.
         warnings.simplefilter("ignore", SysidWarning)
         spectra = sysid.spa(data, lag=LAG, window=np.bartlett, frequencies=GRID)
         matrices = (spectra.response, spectra.magnitude_deviation(), np.asarray(spectra.input_spectrum).real)

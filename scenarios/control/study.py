@@ -105,6 +105,7 @@ def results(pair: IdentifiedPair, run: ScenarioRuns, laws: Mapping[str, tuple[st
     reference_arm = run.logs.get("reference")
     scores = {}
     for name, log in run.logs.items():
+        # The reference arm is what the other runs are compared with.
         if name != "reference":
             scores[name] = score(log, pair.reference, reference_arm)
     scored = []

@@ -44,6 +44,7 @@ def _rounding() -> str:
     """Hash of fixed numbers after every kind of operation whose last bits depend on the processor."""
     grid = np.linspace(-3.0, 3.0, 4099)
     matrix = np.cos(np.outer(np.arange(1.0, 61.0), np.linspace(0.1, 1.9, 60)))
+    # The Lyapunov equation below needs a spectral radius below one.
     stable = 0.9 * matrix / np.linalg.norm(matrix, 2)
     elementary = [function(grid) for function in (np.sin, np.cos, np.exp, np.tanh, np.arctan)]
     elementary.append(np.log(np.abs(grid) + 1.0))

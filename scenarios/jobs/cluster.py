@@ -76,6 +76,7 @@ class Cluster(Executor["Future"]):
         super().__init__(report)
         self._address, self._patience = address, patience
         self._client: Client | None = None
+        # The first look is due at once.
         self._looked = -LOOK
         self._news = Event()
 
@@ -153,6 +154,7 @@ class Cluster(Executor["Future"]):
                 if monotonic() >= end:
                     raise
                 sleep(PAUSE / 4)
+        # A client of the user's own stays Dask's default.
         self._client = Client(self._address, timeout=20.0, set_as_default=False)
 
     def _count_workers(self) -> int:
@@ -209,6 +211,7 @@ def _check_scheduler(address: str, timeout: float) -> None:
     from distributed.comm.addressing import get_address_host_port, parse_address
 
     with socket.create_connection(get_address_host_port(address, strict=True), timeout=timeout) as connection:
+        # Under TLS nobody speaks before the handshake, which is left to Dask's client.
         if parse_address(address)[0] != "tcp":
             return
         with connection.makefile("rb") as stream:

@@ -251,6 +251,7 @@ class WorkerContext(SpawnContext):
     Process = WorkerProcess
 
 
+# Of two starts at once, the second would take the empty module of the first for the user's script.
 _STARTING = Lock()
 
 

@@ -47,6 +47,8 @@ class Journal(AbstractContextManager["Journal"]):
         self._path = path
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
+            # No waiting for the lock: whoever holds it keeps it for a whole run. Python would begin transactions by
+            # itself at the first insertion; here they begin by hand.
             self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
         except sqlite3.Error as error:
             raise self._error(error) from error

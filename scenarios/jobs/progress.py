@@ -167,6 +167,7 @@ def _bar(label: str, describe: Description) -> Iterator[Report]:
     from rich.progress import Progress as Bars
     from rich.table import Column
 
+    # Without markup: rich would take square brackets in names for its own.
     state = TextColumn("{task.fields[state]}", table_column=Column(no_wrap=True), markup=False)
     columns = (TextColumn("{task.description}", markup=False), BarColumn(bar_width=20), state)
     with pause_activity(), Bars(*columns, console=Console(stderr=True), transient=True) as bars:

@@ -78,10 +78,12 @@ class Work:
 
         def finished(future: "Future[Any]") -> None:
             error = future.exception()
+            # The page has gone: there is nobody to tell.
             if self._closed:
                 return
             with self._lock:
                 self.label = ""
+            # A pool whose process has died takes no more work.
             if isinstance(error, BrokenProcessPool):
                 self._open()
                 failed(f"{label} was stopped")
@@ -89,6 +91,7 @@ class Work:
                 failed(f"{label}: {' '.join(str(error).split()) or type(error).__name__}")
             else:
                 done(future.result())
+            # What was called may compute in its turn: then the others wait for that.
             while self._waiting and not self.label:
                 self._waiting.pop(next(iter(self._waiting)))()
 
@@ -120,6 +123,7 @@ class Work:
 
     def _kill(self) -> None:
         with contextlib.suppress(psutil.NoSuchProcess, BrokenProcessPool):
+            # A pool cannot kill its process; the process told its number when it was opened.
             psutil.Process(self._child.result(timeout=30.0)).kill()
 
 
@@ -129,6 +133,7 @@ def _end_with_the_page() -> None:
     def wait() -> None:
         if (parent := multiprocessing.parent_process()) is not None:
             parent.join()
+        # An ordinary exit would end this thread alone.
         _exit(1)
 
     threading.Thread(target=wait, daemon=True).start()

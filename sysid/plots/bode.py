@@ -66,6 +66,7 @@ def bode(
     outputs, inputs = _channels(drawn)
     rows, columns = channel_indices("output", output, outputs), channel_indices("input", input, inputs)
     single = len(rows) == len(columns) == 1
+    # A model is drawn without noise, so that its phase tells how many full turns that of data has made.
     reference = next((curve.response for curve in drawn if _of_model(curve.response)), None)
     figure, grid = panels(
         2 * len(rows), len(columns), size_of(size, len(rows), len(columns), (7.0, 5.4), (3.0, 4.4)), sharex=True
@@ -105,12 +106,14 @@ def _channels(curves: Sequence[Curve]) -> tuple[tuple[str, ...], tuple[str, ...]
 def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse | None, i: int, j: int) -> None:
     style = curve.style or PALETTE.get(curve.response.method, PALETTE["measured"])
     f = curve.response.frequencies
+    # A logarithmic axis has no 0 Hz.
     keep = f > 0.0
     magnitude = curve.response.magnitude[keep, i, j]
     phase = _phase(curve.response, reference, i, j)[keep]
     line(upper, f[keep], decibel(magnitude), style, curve.label)
     line(lower, f[keep], phase, style, None)
     for level in curve.levels:
+        # A variance estimated as zero would be drawn at -6000 dB: it leaves a gap.
         values = np.where(level.values[keep, i, j] > 0.0, level.values[keep, i, j], np.nan)
         if np.isfinite(values).any():
             line(upper, f[keep], decibel(values), level.style, level.label)
@@ -129,6 +132,7 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
 
 def _of_model(response: FrequencyResponse) -> bool:
     """Whether a response is that of a model, whose smooth phase can be unwrapped reliably."""
+    # Data of these two kinds may lack all that other nonparametric responses are recognised by.
     if response.method in ("etfe", "data"):
         return False
     return response.coherence is None and response.degrees_of_freedom is None and response.cross_spectrum is None

@@ -69,6 +69,7 @@ def correlations(
             _stems(axes, lags, values, style)
             # The axis is scaled without lag zero, where an autocorrelation is one by definition.
             shown = values[lags != 0] if label.startswith("auto") else values
+            # Zero coefficients with a zero bound would leave an axis without height.
             top = 1.25 * max(float(np.abs(shown).max(initial=0.0)), float(limit.max()), 1e-6)
             axes.set_ylim(-top, top)
             axes.set_ylabel(label, fontsize=label_size)
@@ -90,6 +91,7 @@ def _of_record(covariance: CovarianceFunction, style: Style, size: tuple[float, 
     for i, j in np.ndindex(count, count):
         axes: Axes = grid[i, j]  # type: ignore[assignment]
         _stems(axes, covariance.lags, values[:, i, j], style)
+        # Normalised coefficients lie between -1 and 1; on one scale the panels can be compared.
         axes.set_ylim(-1.1, 1.1)
         title = f"{covariance.names[i]}" if i == j else f"{covariance.names[i]} after {covariance.names[j]}"
         axes.set_title(title, loc="left", fontsize=9)

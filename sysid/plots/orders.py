@@ -60,6 +60,7 @@ def singular_values(
         style = styles.next(method)
         values = np.where(values > INVISIBLE * values.max(initial=0.0), values, np.nan)[:limit]
         positions = np.arange(1, len(values) + 1)
+        # Values that are rounding are not drawn; they do not lengthen the axis either.
         longest = max(longest, int(positions[np.isfinite(values)].max(initial=1)))
         axes.plot(positions, values, color=style.colour, lw=0.8, ls=style.line or ":")
         look = {"ls": "none", "marker": style.marker, "ms": 5, "color": style.colour}
@@ -84,6 +85,7 @@ def _values(item: Spectrum) -> tuple[str, FloatArray, int]:
     else:
         model = item.model if isinstance(item, Estimate) else item
         values, matrix, order = hankel_singular_values(model), "Hankel, of the model", model.order
+    # A model without dynamics has only zero values: the divisor must not vanish.
     return matrix, values / max(float(values.max(initial=0.0)), np.finfo(float).tiny), order
 
 

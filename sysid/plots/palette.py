@@ -24,6 +24,7 @@ class Style:
 
 PALETTE: Mapping[str, Style] = MappingProxyType(
     {
+        # The widest line: `line` puts wide lines behind narrow ones, so that an estimate on the truth hides none of it.
         "truth": Style("#000000", "-", 2.2, "o"),
         "measured": Style("#8a8a8a", "-", 1.0, "."),
         "armax": Style("#0072b2", "-", 1.4, "s"),
@@ -34,6 +35,7 @@ PALETTE: Mapping[str, Style] = MappingProxyType(
         "iv4": Style("#a6761d", ":", 1.4, "X"),
         "n4sid": Style("#006d5b", ":", 1.4, "h"),
         "spa": Style("#cc79a7", "-", 1.0, "."),
+        # No line: neighbouring values of a raw estimate scatter independently.
         "etfe": Style("#a9b4c2", "", 1.0, "."),
         "pem_ss": Style("#e69f00", "-", 1.4, "d"),
         "bla": Style("#882255", "", 1.2, "o"),

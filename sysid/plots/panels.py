@@ -34,6 +34,7 @@ def panels(
     ratios: Sequence[float] | None = None,
 ) -> tuple[Figure, Panels]:
     """A figure without window, and its empty panels."""
+    # Only a constrained layout makes room for a legend outside of the panels.
     figure = Figure(figsize=size, layout="constrained")
     # the stubs of matplotlib have an overload for each of True, False and "col"
     grid: Panels = figure.subplots(rows, columns, sharex=sharex, squeeze=False, height_ratios=ratios)  # type: ignore[arg-type]
@@ -114,6 +115,7 @@ def apart(values: FloatArray, gap: float) -> FloatArray:
     """Values (n,) moved as little as possible, in mean square, until neighbours are a gap apart."""
     sequence, steps = np.argsort(values, kind="stable"), gap * np.arange(len(values))
     out = np.empty(len(values))
+    # Less their rank times the gap, the values need only not fall: least squares under that is an isotonic regression.
     out[sequence] = scipy.optimize.isotonic_regression(values[sequence] - steps).x + steps
     return out
 
@@ -122,7 +124,9 @@ def fit_to_lines(axes: Axes, *, floor: float = -np.inf) -> None:
     """Set the vertical range by the lines above `floor`, not by their bands."""
     values = np.concatenate([np.asarray(drawn.get_ydata(), dtype=float) for drawn in axes.get_lines()] or [np.zeros(1)])
     values = values[np.isfinite(values)]
+    # 0 dB and 0 degrees are always in view.
     low, high = max(float(values.min(initial=0.0)), floor), float(values.max(initial=0.0))
+    # Rounding of a constant response must not fill the axis: its range is one dB or degree at least.
     margin = 0.06 * max(high - low, 1.0)
     axes.set_ylim(low - margin, high + margin)
 
@@ -150,6 +154,7 @@ def check_same_channels(shapes: Sequence[tuple[str, tuple[int, ...]]]) -> None:
 
 def piece_of(data: IOData, start: float, length: float | None) -> slice:
     """Samples of a record from `start` s on, for `length` s or to its end."""
+    # Two samples at least: a single one makes no line.
     first = min(round(start / data.dt), max(len(data) - 2, 0))
     if length is None:
         return slice(first, len(data))
@@ -201,6 +206,7 @@ def show(figure: Figure) -> None:
     """
     from matplotlib import pyplot
 
+    # pyplot shows only figures that it has made: this one takes over the canvas of an empty one.
     window = pyplot.figure(figsize=tuple(figure.get_size_inches()))
     canvas = window.canvas
     canvas.figure = figure

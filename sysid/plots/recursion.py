@@ -42,6 +42,7 @@ def recursion(
     count = len(estimate.parameters)
     # the record may be the last part of a longer recursion
     time = (np.arange(count) + estimate.state.samples - count) * dt
+    # Rounding may leave a variance just below zero.
     deviations = np.sqrt(np.maximum(np.diag(estimate.final.covariance), 0.0))
     truth = {} if reference is None else dict(zip(reference.parameter_names, reference.parameters, strict=True))
     figure, grid = panels(len(letters), 1, size_of(size, len(letters), 1, (7.0, 2.8), (0.0, 1.8)), sharex=True)
@@ -51,14 +52,17 @@ def recursion(
         low, high = float(settled.min()), float(settled.max())
         values = [truth[estimate.parameter_names[k]] for k in of_letter if estimate.parameter_names[k] in truth]
         low, high = min([low, *values]), max([high, *values])
+        # A parameter that stays constant has no range of its own: a thousandth of its size stands for it.
         margin = 0.15 * max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-12)
         axes.set_ylim(low - margin, high + margin)
         height = 0.75 * figure.get_figheight() / len(letters)
+        # Names of nearly equal parameters would be written over each other.
         label_heights = apart(estimate.final.parameters[of_letter], LINE / height * (high - low + 2.0 * margin))
         for rank, k in enumerate(of_letter):
             style = LOOKS[rank % len(LOOKS)]
             name = estimate.parameter_names[k]
             axes.plot(time, estimate.parameters[:, k], color=style.colour, lw=1.3)
+            # Intervals stand side by side: those of nearly equal parameters would cover each other.
             end = time[-1] + 0.015 * (time[-1] - time[0]) * (1 + rank)
             last, reach = estimate.final.parameters[k], NORMAL_95 * deviations[k]
             axes.errorbar(end, last, yerr=reach, color=style.colour, fmt=".", ms=5, capsize=3)

@@ -64,6 +64,7 @@ def output_comparison(
     for a, i in enumerate(rows):
         upper, lower = grid[2 * a, 0], grid[2 * a + 1, 0]
         measured = data.y[piece, i] * scale
+        # Wider than the line of any model, which is then drawn on top of it.
         line(upper, data.time[piece], measured, PALETTE["measured"], "measured", width=2.6)
         for trace in traces:
             values = _column(trace, i, data)

@@ -63,6 +63,7 @@ def spectra(
     if traces is not None:
         figure, grid = panels(1, 1, size or (7.0, 3.6))
         f = np.asarray(responses, dtype=float)
+        # A logarithmic axis has no 0 Hz.
         keep = f > 0.0
         for trace in traces:
             line(grid[0, 0], f[keep], _positive(trace.values[keep]), trace.style, trace.label)
@@ -136,4 +137,5 @@ def _density(name: str, unit: str) -> str:
 
 
 def _positive(values: FloatArray) -> FloatArray:
+    # A lag window can leave negative densities, for which a logarithmic axis has no place.
     return np.where(values > 0.0, values, np.nan)

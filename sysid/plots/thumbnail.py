@@ -58,6 +58,7 @@ def _figure(result: object) -> Figure | None:
             first = None if result.independence_p.size <= MOST else 0
             return correlations(result, output=first, input=first, size=SIZE)
         case CovarianceFunction():
+            # n channels take n^2 panels.
             return correlations(result, size=SIZE) if len(result.names) <= MOST else None
         case ImpulseResponse():
             first = None if result.response[0].size <= 2 * MOST else 0

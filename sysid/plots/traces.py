@@ -226,6 +226,7 @@ def _response(item: Estimate | StateSpace, frequencies: FloatArray | None) -> Fr
 def _levels(bla: BestLinearApproximation) -> tuple[Level, ...]:
     """Standard deviations of the response in a single realisation."""
     return (
+        # The variance of noise is that of the mean over realisations, the variance of distortion that of one already.
         Level("noise, one realisation", np.sqrt(bla.realisations * bla.noise_variance), NOISE),
         Level("distortion, one realisation", np.sqrt(bla.distortion_variance), DISTORTION),
     )

@@ -121,7 +121,9 @@ def _responses(
             method, shown = "cra", name or "correlation analysis"
         else:
             method, shown = getattr(item, "method", ""), name or styles.label(item)
+        # Rounding in the division must not lose the last sample.
         samples = max(int(np.floor(reach / model.dt + 1e-9)) + 1, 2)
+        # A finite impulse response is zero from there on.
         if isinstance(model, StateSpace) and (memory := _memory(model)):
             samples = min(samples, memory)
         deviation: FloatArray | None = None
@@ -165,6 +167,7 @@ def _settling(item: Responding) -> float:
     if memory := _memory(model):
         return (memory - 1) * model.dt
     slowest = float(np.abs(model.poles()).max(initial=0.0))
+    # The pole of an integrator is one but for rounding; it never decays.
     samples = ENDLESS if slowest >= 1.0 - 1e-9 else np.log(SETTLED) / np.log(max(slowest, 1e-9))
     return float(np.clip(np.ceil(samples), SHORTEST, LONGEST)) * model.dt
 
