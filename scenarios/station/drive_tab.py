@@ -83,6 +83,8 @@ def drive(values: dict[str, Any]) -> Drive:
         worksite=worksite,
         chain=chain,
         hand_controller=hand_controller,
+        # In free space the payload is in the hand; at the worksite the unit waits in its holster, and the fingers are
+        # open.
         stick=Stick(axes, grip=not worksite),
         **values,
     )
@@ -106,6 +108,7 @@ class DriveTab:
     def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
         self._station, self._client, gui = station, client, client.gui
         last: Any = station.session.memory.get(self.title)
+        # A drive goes on while its page is loaded again: the new tab takes over lock, drive and record of the last one.
         self._lock = last._lock if last else threading.RLock()
         self.drive: Drive | None = last.drive if last else None
         self.name: str = last.name if last else ""
@@ -176,6 +179,7 @@ class DriveTab:
         self._moving = moving
         driven, idle = self.drive is not None, not moving
         gripping = self.drive is not None and self.drive.worksite
+        # Where the arm is driven, the fields give their place to what the operator sees.
         self._setup.visible = not driven
         recorded = idle and bool(self.name)
         # In the sequence of the buttons: drive, end, close, open, shutdown, power on, replay, save, download.
@@ -191,6 +195,7 @@ class DriveTab:
             station.scene.load(experiment_arm(made, worksite=True, load=load_arm))
             self._clear(made.axes[0])
             self._outcome.content = ""
+            # Looked up at each call: when the page is loaded again during the drive, another tab shows the rest of it.
             watch, done = lambda frames: self._tab.watch(frames), lambda log, why: self._tab.done(log, why)
             station.motion.run(made, watch=watch, done=done)
             self.drive = made
@@ -210,6 +215,7 @@ class DriveTab:
     def _free_name(self) -> str:
         records = self._station.session.records
         names = (f"drive-{k}" for k in count(1))
+        # Files of earlier sessions keep their names too.
         return next(name for name in names if name not in records and not self._file(name).exists())
 
     def _file(self, name: str) -> Path:
@@ -222,6 +228,7 @@ class DriveTab:
             angles = np.degrees((frame.command[joint], frame.angles[joint])).tolist()
             self._angles.add(frame.tick, frame.time, tuple(angles))
             self._forces.add(frame.tick, frame.time, (frame.wrist_force, frame.contact_force or 0.0))
+        # Every drawing sends the whole chart to the browser.
         if perf_counter() - self._drawn < DRAWINGS:
             return
         self._drawn = perf_counter()
@@ -249,6 +256,7 @@ class DriveTab:
             self._outcome.content = listing(lines) + phase_table
             self._recipe.refresh()
             self._end()
+            # Shows the stick at rest again.
             self._form.update()
 
     def _end(self) -> None:

@@ -110,6 +110,7 @@ class ExperimentTab:
         self._station, self._client = station, client
         gui = client.gui
         options, prepared = names(), station.session.scenario.name
+        # An experiment from a file is not in the menu.
         first = prepared if prepared in options else options[0]
         self._start = gui.add_dropdown("start from", options, initial_value=first)
         self._start.on_update(reporting(client, lambda: station.session.prepare(load(self._start.value))))
@@ -181,6 +182,7 @@ class ExperimentTab:
 
     def _build_form(self) -> None:
         scenario, gui = self._station.session.scenario, self._client.gui
+        # A folder of viser can be removed, but not emptied.
         for child in list(self._fields._children.values()):
             child.remove()
         volts, times = scenario.amplitude, " ".join(f"{time:g}" for time in scenario.shutdown)
@@ -218,6 +220,7 @@ class ExperimentTab:
 
     def _changed(self, scenario: Scenario | None) -> None:
         if scenario is not None and scenario != self._prepared:
+            # Another mode has other axes to choose from.
             rebuild = scenario.mode != self._prepared.mode
             self._prepared = scenario
             self._station.session.prepare(scenario)
@@ -235,6 +238,7 @@ class ExperimentTab:
     def _load(self, name: str, content: bytes) -> None:
         try:
             toml = content.decode()
+        # The browser sends any file, also one that is no text.
         except UnicodeDecodeError as error:
             raise ScenarioError(f"{name}: expected a TOML file in UTF-8: {error}") from error
         self._station.session.prepare(Scenario.from_toml(toml, source=name, folder=self._station.session.folder))
@@ -246,6 +250,7 @@ class ExperimentTab:
         if work.label:
             if work.label != PREVIEW:
                 self._preview_state.say(f"waits: {work.label} is being computed", remark=True)
+            # Of several waiting previews the last alone is computed: they have the same label.
             work.when_free(PREVIEW, self._show_preview)
             return
         self._previewed = scenario
@@ -316,6 +321,7 @@ class ExperimentTab:
         if perf_counter() - self._drawn < DRAWINGS:
             return
         self._drawn = perf_counter()
+        # The third chart is drawn by the thread of `LiveTrack`.
         for chart in self._charts[:2]:
             chart.draw()
         last = frames[-1]

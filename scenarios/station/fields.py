@@ -101,6 +101,7 @@ class Form(Generic[T]):
                     handle.on_update(lambda _: self._typed())
         self._message = Message(gui)
         self._good: dict[str, Any] = {field.name: field.initial for field in fields}
+        # Reentrant: `set` and `_typed` hold it while they call `update`, which takes it again.
         self._lock = threading.RLock()
         self._setting = False
         self._changes = 0
@@ -134,6 +135,7 @@ class Form(Generic[T]):
                 try:
                     record, self._good = self._make(values), values
                 except EXPECTED as error:
+                    # The record says what is wrong, not which field: each field is tried among values that were right.
                     alone = {name: self._alone(name, values) for name in values}
                     wrong = {name: message for name, message in alone.items() if message}
                     general = "" if wrong else str(error)
@@ -191,7 +193,9 @@ class Message:
     def say(self, text: str, *, remark: bool = False) -> None:
         """Show a line; an empty one hides it."""
         self.text = text
+        # Grey and red of Mantine, of which viser builds its pages.
         colour = "#868e96" if remark else "#e03131"
+        # Errors quote names and contents of files: neither markup nor further lines of theirs reach the page.
         self._html.content = (
             f'<div style="color:{colour};font-size:0.8em;line-height:1.3;margin:-0.2em 0.75em 0.4em;'
             f'overflow-wrap:anywhere">{escape(one_line(abridged(text)))}</div>'
@@ -203,6 +207,7 @@ def shown(value: object) -> str:
     """A value as it is typed: read again, it is the same."""
     if value is None:
         return ""
+    # Ten digits hide the rounding of decimal fractions; a number that needs more is written in full.
     short = format(value, ".10g") if isinstance(value, float) else str(value)
     return repr(value) if isinstance(value, float) and float(short) != value else short
 

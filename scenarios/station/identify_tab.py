@@ -163,8 +163,10 @@ class IdentifyTab:
             # Order two is a start for every structure; what the estimator has a default for keeps it.
             defaults = {**dict.fromkeys(ESTIMATORS[method].orders, 2), **ESTIMATORS[method].optional}
         self._orders.visible = bool(defaults)
+        # The same sliders stay, with the orders that were set.
         if tuple(defaults) == tuple(self._sliders):
             return
+        # Orders that were set come back with the next estimator that has them.
         self._wanted |= {name: slider.value for name, slider in self._sliders.items()}
         for slider in self._sliders.values():
             slider.remove()
@@ -187,6 +189,7 @@ class IdentifyTab:
         file, judging_file = options.pop("file"), options.pop("other")
         if record != FILE:
             file = (session.file_of(record),)
+            # Logs of the session name their channels and times themselves.
             options = {name: value for name, value in options.items() if name not in TABLE}
         if not file:
             raise ScenarioError("choose a record, or type the path of a file")
@@ -216,6 +219,7 @@ class IdentifyTab:
         fitted = model.found.result.fitted
         estimate, orders = fitted.estimate, "-".join(map(str, fitted.orders.values()))
         name = f"{model.request.data[0].stem}-{estimate.method}-{orders}.json"
+        # `write_model` writes a file; the browser wants its bytes.
         with TemporaryDirectory() as folder:
             command = shlex.join((*model.request.words, "--save", name))
             content = write_model(estimate, Path(folder) / name, command=command).read_bytes()
@@ -226,12 +230,14 @@ class IdentifyTab:
         with self._lock:
             session, models, handles = self._station.session, self._models, self._form.handles
             names = tuple(session.records)
+            # The last option is a file.
             if names != handles["record"].options[:-1]:
                 handles["record"].options = (*names, FILE)
                 handles["validate"].options = (*SHARES, *names, FILE)
             if session.shown != self._record:
                 self._record = session.shown
                 self._form.set({"record": session.shown or FILE})
+            # Watchers are called for every change of the session, also where no model changed.
             if models.revision == self._revision:
                 return
             self._revision, busy = models.revision, models.busy
@@ -253,6 +259,7 @@ class IdentifyTab:
         self._selected.value = selected.name
         contents = {name: models.figures.get(name, "") for name in FIGURES} | {"Numbers": numbers(selected)}
         for name, content in contents.items():
+            # Figures are large: those that have not changed are not sent again.
             if self._cards[name].content != content:
                 self._cards[name].content = content
         self._list.content = model_list(list(models.listed.values()), selected.known)

@@ -30,6 +30,7 @@ class LiveTrack:
     def __init__(self, chart: StripChart, message: Message) -> None:
         self.chart, self.message = chart, message
         self._samples: SimpleQueue[tuple[float, float] | None] = SimpleQueue()
+        # A daemon: a run that is never closed must not keep the station from ending.
         self._thread = threading.Thread(target=self._follow, daemon=True, name="track")
         self._thread.start()
 
@@ -45,6 +46,7 @@ class LiveTrack:
         self.message.say(f"the bandwidth follows after {CALIBRATION:g} s of calibration", remark=True)
         samples = iter(self._samples.get, None)
         start = list(islice(samples, round(CALIBRATION * SAMPLE_RATE)))
+        # The run ended before the calibration did.
         if len(start) < round(CALIBRATION * SAMPLE_RATE):
             return
         u, y = np.array(start).T

@@ -35,6 +35,7 @@ def open_place(place: str, part: str = "") -> Presentation:
         TwinError: Likewise, of logs and records of ours.
     """
     path = Path(place).expanduser()
+    # A bare word without ending may be the name of a registered scenario.
     if not place or (not path.exists() and (path.suffix in OPENED or path.name != place)):
         raise ScenarioError(f"no file or folder {place!r}; expected its path, or the name of a scenario")
     # A pipe or a device may never end, whatever its name.
@@ -42,6 +43,7 @@ def open_place(place: str, part: str = "") -> Presentation:
         raise ScenarioError(f"{path}: expected a file of at most {LARGEST // 2**20} MiB")
     if not path.exists() or path.suffix == ".toml":
         return present_scenario(load(place), place)
+    # A data set has no index before its build is finished.
     if (path / INDEX).is_file() or path.name.endswith(UNFINISHED):
         return present_data_set(path, part)
     if path.name == RESULTS or (path / RESULTS).is_file():
@@ -49,6 +51,7 @@ def open_place(place: str, part: str = "") -> Presentation:
         return open_study(folder, part)
     if path.is_file() and path.suffix == ".json":
         return open_result(path)
+    # Before bus records: a log has the ending of a record, and holds more.
     if path.is_file() and (log := log_of(path)) is not None:
         return present_log(log, str(path))
     if path.is_file() and (path.suffix == ".nc" or is_record(path)):

@@ -67,6 +67,7 @@ class Scene:
             self._ghost: dict[int, viser.FrameHandle] = {
                 body: scene.add_frame(f"/ghost/{names[body]}", show_axes=False, visible=self._ghost_visible)
                 for body in meshes
+                # The arm's own bodies: the worksite has no command.
                 if model.body_treeid[body] == tree
             }
             for body in self._ghost:
@@ -105,6 +106,7 @@ class Scene:
 
     def show(self, frame: Frame) -> None:
         """Show the arm of a frame."""
+        # Sent as one: no browser draws an arm of which only some bodies have moved.
         with self._lock, self._server.atomic():
             if self._ghost_visible:
                 self._place(self._ghost, frame.command, frame.unit_pose)
@@ -127,8 +129,10 @@ class Scene:
 
     def look_through(self, client: "viser.ClientHandle", camera: str) -> None:
         """Put the eye of one browser where a camera of the worksite stands now."""
+        # `_place` computes bodies and sites, but no cameras.
         mujoco.mj_camlight(self._model, self._data)
         number = self._model.camera(camera).id
+        # A camera of MuJoCo looks along its negative z axis, with y upwards.
         eye, axes = self._data.cam_xpos[number].copy(), self._data.cam_xmat[number].reshape(3, 3)
         with client.atomic():
             client.camera.up_direction = axes[:, 1]

@@ -94,6 +94,7 @@ def open_server(port: int = 0) -> "viser.ViserServer":
         server: viser.ViserServer = load_viser().ViserServer(
             host=LOOPBACK, port=port, label="HMTB station", verbose=False
         )
+    # viser takes the next free port where this one is taken: the printed address would be another than the user's.
     if port and server.get_port() != port:
         close_server(server)
         raise ScenarioError(f"port {port} is taken; expected a free one, or 0 to have one chosen")

@@ -76,5 +76,6 @@ class Session:
 
     def tell(self) -> None:
         """Call all watchers: something that the tabs share has changed."""
+        # Of a copy: a watcher may add another one.
         for changed in list(self._watchers):
             changed()

@@ -54,6 +54,7 @@ class Station(Desk):
         server, session = open_server(port), Session(folder, load(FIRST_SCENARIO))
         scene = Scene(server, load_arm(session.scenario.variant, session.scenario.payload))
         super().__init__(server, session, scene, Motion(scene.show), Work())
+        # Browsers come and go in threads of their own.
         self._lock = threading.RLock()
         self._operator: int | None = None
         self.server.gui.configure_theme(show_logo=False, show_share_button=False)
@@ -70,6 +71,7 @@ class Station(Desk):
     def wait(self) -> None:
         """Serve until the keyboard interrupts."""
         while True:
+            # The server works in threads of its own.
             sleep(1.0)
 
     def close(self) -> None:
@@ -112,6 +114,7 @@ class Station(Desk):
             # The browser that has watched for longest takes over.
             for watcher in self.server.get_clients().values():
                 self._operator = watcher.client_id
+                # Also removes the line by which this browser only watches.
                 watcher.gui.reset()
                 self._build_view(watcher)
                 self._build(watcher)

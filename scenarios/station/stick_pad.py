@@ -19,6 +19,7 @@ KEYS = ("KI", "LJ", "OU", "RY", "GT", "FH")
 LET_GO: Literal["0"] = "0"
 """Key that lets go of all axes; released keys press it."""
 
+# Without touch-action a finger that holds a button would scroll the page.
 _GRID = """<div class="MARK"></div><style>
 div:has(> div > .MARK) {display: grid; grid-template-columns: COLUMNS; gap: 5px; align-items: center}
 div:has(> div > .MARK) {padding: 8px 12px 2px}
@@ -39,6 +40,7 @@ class StickPad:
     def __init__(self, gui: "viser.GuiApi", push: Callable[[str, int], None]) -> None:
         self._push, self._axes = push, ("",) * len(KEYS)
         script = resources.files("scenarios").joinpath("templates/stick.js").read_text(encoding="utf-8")
+        # Escaped, since it stands inside the attribute of an element.
         script = escape(script.replace("PERIOD", str(1000.0 / PUSHES)).replace("LET_GO", LET_GO))
         # viser hands no script to a page; an element of its own can run one.
         gui.add_html(f'<img src="data:," alt="" style="display:none" onerror="{script}">')
@@ -55,6 +57,7 @@ class StickPad:
         command = gui.add_command(f"Push axis {place + 1} to {sign}", hotkey=cast(Any, key))
         for pushed in (button.on_hold(callback_hz=PUSHES), command.on_trigger):
             pushed(lambda _: self._push(self._axes[place], way))
+        # A click is complete when the button is released.
         button.on_click(lambda _: self._let_go())
         return button
 
@@ -68,6 +71,7 @@ class StickPad:
         for place, axis in enumerate(self._axes):
             for handle in self._pads[place]:
                 handle.visible = axis in volts
+            # z: a deflection that is rounded to zero has no minus sign.
             words, number = axis.replace("_", " "), format(volts.get(axis, 0.0), "+z.1f")
             self._pads[place][
                 1

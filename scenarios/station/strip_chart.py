@@ -50,6 +50,7 @@ class StripChart:
     """
 
     def __init__(self, gui: "viser.GuiApi", title: str, signals: tuple[str, ...], height: int = 170) -> None:
+        # The arm has 50 ticks a second.
         self._points: deque[tuple[float, ...]] = deque(maxlen=round(SHOWN * 50 / STRIDE))
         self._width = len(signals)
         axes = ({"label": "time / s", "labelSize": 18, "size": 36}, {"size": 56, "space": 18})

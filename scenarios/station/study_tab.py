@@ -53,6 +53,7 @@ class LogPlot:
         """Take signals (N, n)."""
         self._values = values
         low, high = float(values.min()), float(values.max())
+        # A constant signal has no range of its own: 5 % of its value, or one around zero.
         margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
         self._ends = (low - margin, high + margin)
         self._chart.visible, self._chart.title = bool(values.any()), title
@@ -60,6 +61,7 @@ class LogPlot:
 
     def draw(self, tick: int) -> None:
         """Draw the stretch that a tick falls into, and the line at this tick."""
+        # Whole windows: the curves stand still while the line moves across them.
         first = tick // WINDOW * WINDOW
         # The line takes two samples at the same time.
         rows = np.sort(np.r_[first : min(first + WINDOW, len(self._values)), tick, tick])
@@ -176,6 +178,7 @@ class StudyTab:
             if title:
                 tables += listing((title,))
             tables += table(head, rows)
+        # A log leaves room for its replay below.
         height = 460 if opened.log is None else 200
         self._about.content = (
             f'<div style="max-height:{height}px;overflow:auto">{listing((f"{opened.kind}: {opened.place}",))}'
@@ -239,6 +242,7 @@ class StudyTab:
             self._time.value = 0.0
         elif motion.playback is None:
             motion.check_free()
+            # Play after the end begins again.
             if self._tick == len(log) - 1:
                 self._tick = 0
             self._pose(log)
@@ -254,6 +258,7 @@ class StudyTab:
             playback.speed, playback.loop = float(self._speed.value), self._loop.value
 
     def _drag(self) -> None:
+        # The slider was moved by `_follow`, not by the user.
         if self._time.value == self._put or self._opened is None or (log := self._opened.log) is None:
             return
         self._tick = min(round(self._time.value / SAMPLE_TIME), len(log) - 1)

@@ -87,6 +87,7 @@ class WaveformTab:
         self._session, self._client = station.session, client
         self._lock = threading.Lock()  # the last that is taken: nothing outside is called under it
         played = self._session.scenario.excitation
+        # Where an operator has the stick, nothing is played.
         first_played = played[0] if played else Excitation("prbs")
         start = self._session.waveform or first_played
         self._last, self._follows = start, False
@@ -148,6 +149,7 @@ class WaveformTab:
 
     def _changed(self, kind: str, excitation: Excitation | None) -> None:
         with self._lock:
+            # `_begin_with` fills the form of another kind before it is shown.
             if kind_word(kind) != self._kind.value:
                 return
             self._use.disabled = self._save.disabled = excitation is None
@@ -215,6 +217,7 @@ class WaveformTab:
 
     def _begin_with(self, excitation: Excitation, file: str) -> None:
         if excitation.kind == "points":
+            # A form has no field for points: they are kept beside it.
             self._points, self._session.waveform_file = excitation.parameters["points"], file
         form = self._forms[excitation.kind][1]
         form.set({name: value for name, value in values_of(excitation).items() if name in form.handles})
