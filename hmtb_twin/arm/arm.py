@@ -78,8 +78,8 @@ class Arm:
 
         No flow passes the valves, the oil is trapped but for the leakage; electric drives are held by their brakes.
         """
-        shut = {name: drive.unpowered for name, drive in self.drives.items()}
-        model = compile_arm(self.variant, self.payload, self.plant, self.specimen, shut, self.gains, self.worksite)
+        drives = {name: drive.unpowered for name, drive in self.drives.items()}
+        model = compile_arm(self.variant, self.payload, self.plant, self.specimen, drives, self.gains, self.worksite)
         # Power fails in the middle of a run: the step stays.
         model.opt.timestep = self.model.opt.timestep
         return model
@@ -334,6 +334,7 @@ def _drives(variant: Variant, plant: Plant, specimen: Specimen) -> Mapping[str, 
 
 @lru_cache(maxsize=64)
 def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
+    """Assemble an arm from drives, gains and model; equal arguments give the same record."""
     variant = variant_named(name)
     drives = _drives(variant, plant, specimen)
     # Tuned for the variant: a specimen's own weights are unknown to whoever tunes its servos.

@@ -65,6 +65,7 @@ def compile_arm(
 
 
 def _spec(variant: Variant, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> mujoco.MjSpec:
+    """Return the model of an arm's bodies, in free space or at the worksite, ahead of its drives."""
     if worksite:
         # Contact needs the shorter step of servo valves, whatever the drives.
         scene = worksite_spec(ORIFICE_STEP)

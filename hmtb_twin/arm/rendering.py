@@ -74,7 +74,7 @@ class Stage:
             raise TwinError(NO_OPENGL) from error
 
     def __enter__(self) -> "Stage":
-        """Begin."""
+        """Return the stage, ready to render."""
         return self
 
     def __exit__(

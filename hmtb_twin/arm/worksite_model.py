@@ -36,15 +36,15 @@ def worksite_spec(timestep: float) -> mujoco.MjSpec:
     # Beside the inertia of the pin the default would end the search for contact forces too early for a light joint.
     spec.option.tolerance = 1e-16
     spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    _free(spec)
-    _fingers(spec)
+    _free_unit(spec)
+    _add_fingertips(spec)
     for geom in spec.geoms:
         if geom.conaffinity:
-            _touching(geom)
+            _set_contact(geom)
     return spec
 
 
-def _free(spec: mujoco.MjSpec) -> None:
+def _free_unit(spec: mujoco.MjSpec) -> None:
     """Separate the unit from the end effector; give it a free joint, a latch and a touch sensor."""
     fixed = spec.body(UNIT_BODY)
     grip = fixed.pos.copy()
@@ -55,7 +55,7 @@ def _free(spec: mujoco.MjSpec) -> None:
     unit.add_freejoint(name=UNIT_BODY)
     body = unit.geoms[0]
     body.contype = 1
-    _touching(body)
+    _set_contact(body)
     _add_touch_sensor(spec, unit)
     _add_latch(spec, grip)
 
@@ -116,7 +116,7 @@ def _add_latch(spec: mujoco.MjSpec, grip: np.ndarray) -> None:
     latch.data[:11] = [0.0, 0.0, 0.0, *grip, 1.0, 0.0, 0.0, 0.0, 1.0]
 
 
-def _fingers(spec: mujoco.MjSpec) -> None:
+def _add_fingertips(spec: mujoco.MjSpec) -> None:
     """Give the fingers spheres that touch the unit; their visible shapes do not."""
     hand = spec.body("end_effector")
     radius = 0.006
@@ -134,7 +134,9 @@ def _fingers(spec: mujoco.MjSpec) -> None:
             )
 
 
-def _touching(geom: mujoco.MjsGeom) -> None:
+def _set_contact(geom: mujoco.MjsGeom) -> None:
+    """Give a geom the friction and firmness of the contacts at the worksite."""
+    # Sliding friction alone; the rolling and torsional coefficients are MuJoCo's defaults and not used.
     geom.condim = 3
     geom.friction = [TOUCH.friction, 0.005, 0.0001]
     geom.solref = [TOUCH.time_constant, 1.0]

@@ -192,13 +192,14 @@ class JointLog:
         """Read a log written by `save`; raises `TwinError` where the file is missing, damaged or no joint log."""
         contents = read_format(path, "joint log", FORMAT, _CHANNELS)
         try:
-            return cls._of(contents)
+            return cls._from_contents(contents)
         # All that missing or foreign attributes and variables can raise.
         except (KeyError, ValueError, TypeError, IndexError) as error:
             raise TwinError(f"{path} is a damaged joint log: {error}") from error
 
     @classmethod
-    def _of(cls, contents: Contents) -> "JointLog":
+    def _from_contents(cls, contents: Contents) -> "JointLog":
+        """Return the log that the contents of a file describe; damage raises errors of any kind."""
         stored, attributes = contents.variables, contents.attributes
         joints = tuple(map(str, stored["joint"].values))
         # Columns have no other names: another order would silently mix up the joints.
@@ -231,6 +232,7 @@ def software_versions() -> dict[str, str]:
 
 @cache
 def _version(package: str) -> str:
+    """Return the version of an installed package."""
     # Parsing the metadata of a package takes milliseconds.
     try:
         return version(package)

@@ -220,14 +220,14 @@ class BusFaults:
             wrong = rng.random(rows["data"].shape) < self.invalid
             # One wrong bit fails the parity of a word.
             rows["data"] ^= np.where(wrong, 1 << rng.integers(16, size=wrong.shape), 0).astype(np.uint16)
+            invalid = np.asarray(wrong.any(axis=1))
             if message.transmits:
                 # A terminal that does not answer sends no data that could be invalid.
-                invalid, short = wrong.any(axis=1) & ~silent, short & ~silent
+                invalid, short = invalid & ~silent, short & ~silent
                 unanswered = silent
                 # Words on the bus: command, status, data.
                 first_lost, data_end = INTRA_PACKET_HEADER + 2, size
             else:
-                invalid = wrong.any(axis=1)
                 unanswered = silent | invalid | short
                 # Words on the bus: command, data, status.
                 first_lost, data_end = size - 2, size - 2

@@ -185,6 +185,7 @@ class BusRecord:
         return records[0]
 
     def _excited(self) -> str:
+        """Return the one excited joint; raises `TwinError` unless there is exactly one."""
         if len(self.axes) == 1 and self.axes[0] in JOINTS:
             return self.axes[0]
         excited = f"excites {', '.join(self.axes)}" if self.axes else "does not say what it excites"

@@ -136,6 +136,7 @@ def _clipped_ticks(frames: np.ndarray) -> np.ndarray:
 
 
 def _write(path: Path, packets: Iterable[bytes]) -> None:
+    """Write packets to a file that appears only when it is complete."""
     try:
         with replacing(path) as partial, partial.open("wb") as file:
             for packet in packets:

@@ -173,6 +173,7 @@ def crc(words: np.ndarray) -> np.ndarray:
 
 
 def _crc_table() -> np.ndarray:
+    """Return the remainder of each byte (256,) that leaves the register."""
     remainder = np.arange(256, dtype=np.uint16) << 8
     for _ in range(8):
         shifted = remainder << 1

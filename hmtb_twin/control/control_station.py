@@ -135,6 +135,7 @@ def _joint_loop(experiment: Experiment, arm: Arm, ticks: int) -> JointLoop | Non
 
 
 def _checked_volts(motion: object, axes: int) -> np.ndarray:
+    """Return the volts (n_axes,) of an operator's motion; raises `TwinError` for anything else."""
     if not isinstance(motion, Motion):
         raise TwinError(f"its operator gave {type(motion).__name__}, expected a Motion")
     try:
@@ -147,6 +148,7 @@ def _checked_volts(motion: object, axes: int) -> np.ndarray:
 
 
 def _ticks(experiment: Experiment) -> int:
+    """Return the length of an experiment in ticks; raises `TwinError` unless it is a whole number."""
     ticks = round(experiment.duration * SAMPLE_RATE)
     # Multiples of 0.02 s are multiples only up to rounding.
     if ticks < 1 or abs(ticks - experiment.duration * SAMPLE_RATE) > 1e-9 * ticks:
@@ -158,6 +160,7 @@ def _ticks(experiment: Experiment) -> int:
 
 
 def _excitation(experiment: Experiment, ticks: int) -> np.ndarray:
+    """Return the excitation computer's output (N, n_axes), V; raises `TwinError` if it does not fit the experiment."""
     volts = np.asarray(experiment.volts(), dtype=float)
     if volts.shape != (ticks, len(experiment.axes)) or not np.isfinite(volts).all():
         raise TwinError(
@@ -173,7 +176,7 @@ def servo_power(shutdown: Sequence[float], ticks: int) -> np.ndarray:
     Raises:
         TwinError: They do not ascend between the first tick and the last.
     """
-    return _events("shutdown", shutdown, ticks, ": power off, power on, ...") % 2 == 0
+    return _event_counts("shutdown", shutdown, ticks, ": power off, power on, ...") % 2 == 0
 
 
 def payload_exchanges(experiment: Experiment, ticks: int) -> np.ndarray:
@@ -190,10 +193,10 @@ def payload_exchanges(experiment: Experiment, ticks: int) -> np.ndarray:
     for before, after in pairwise(payloads):
         if before == after:
             raise TwinError(f"payload_changes from {' to '.join(payloads)} given: {after} follows itself")
-    return _events("payload_changes at", [change.time for change in changes], ticks)
+    return _event_counts("payload_changes at", [change.time for change in changes], ticks)
 
 
-def _events(name: str, times: Sequence[float], ticks: int, hint: str = "") -> np.ndarray:
+def _event_counts(name: str, times: Sequence[float], ticks: int, hint: str = "") -> np.ndarray:
     """Return the number of events up to each tick (ticks,); raises `TwinError` unless their times in s ascend."""
     seconds = np.asarray(times, dtype=float)
     # Times that are huge or not finite would become ticks without meaning: they fail the check below.

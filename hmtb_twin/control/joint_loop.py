@@ -61,12 +61,13 @@ class JointLoop:
         measured = self._readings[np.maximum(tick - self._delays, 0), np.arange(len(JOINTS))]
         # Copies: a controller that changes its arguments must not change the records.
         answer = self.controller.command(requested.copy(), measured, self._sent.copy())
-        wanted = np.asarray(answer, dtype=float)
-        if wanted.shape != requested.shape or not np.isfinite(wanted).all():
+        command = np.asarray(answer, dtype=float)
+        if command.shape != requested.shape or not np.isfinite(command).all():
             raise TwinError(f"its joint controller gave {answer!r}, expected {len(JOINTS)} finite angles in rad")
         # An indexed joint is held by its pin: no controller moves it.
-        wanted[self._fixed] = requested[self._fixed]
-        slewed = np.clip(wanted, self._sent - self._step, self._sent + self._step)
+        command[self._fixed] = requested[self._fixed]
+        slewed = np.clip(command, self._sent - self._step, self._sent + self._step)
         self._sent = np.clip(slewed, self._lower, self._upper)
-        limits = bool((slewed != wanted).any()) * Status.VELOCITY_LIMITED
-        return self._sent, limits | bool((self._sent != slewed).any()) * Status.JOINT_LIMITED
+        velocity_limited = bool((slewed != command).any())
+        joint_limited = bool((self._sent != slewed).any())
+        return self._sent, velocity_limited * Status.VELOCITY_LIMITED | joint_limited * Status.JOINT_LIMITED

@@ -58,9 +58,9 @@ class SingleJoint:
             The command (7,), rad, and its limits.
         """
         status, command = 0, self._command
-        for (joint, lower, upper, step), moved in zip(self._joints, deflection.tolist(), strict=True):
+        for (joint, lower, upper, step), demand in zip(self._joints, deflection.tolist(), strict=True):
             previous = command[joint]
-            change = self._reference[joint] + moved - previous if self._dt is None else moved * self._dt
+            change = self._reference[joint] + demand - previous if self._dt is None else demand * self._dt
             if abs(change) > step:
                 change = math.copysign(step, change)
                 status |= VELOCITY_LIMITED
@@ -76,8 +76,8 @@ class SingleJoint:
         self._command = np.clip(angles, self._lower, self._upper).tolist()
         self._reference = self._command.copy()
         if self._dt is None:
-            for (joint, *_), moved in zip(self._joints, deflection.tolist(), strict=True):
-                self._reference[joint] -= moved
+            for (joint, *_), demand in zip(self._joints, deflection.tolist(), strict=True):
+                self._reference[joint] -= demand
         # An arm that sank onto a stop may stand beyond the range of its commands.
         status = NORMAL if np.array_equal(self._command, angles) else Status.JOINT_LIMITED
         return np.array(self._command), status

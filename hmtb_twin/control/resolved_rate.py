@@ -158,17 +158,18 @@ class ResolvedRate:
         Raises:
             TwinError: The wanted pose or the command is not finite.
         """
-        angles, target, turned = previous.tolist(), position.tolist(), rotation.tolist()
-        if not isfinite(sum(angles) + sum(target) + sum(map(sum, turned))):
-            raise TwinError(f"tool pose {target}, {turned} wanted from command {angles}, expected finite numbers")
+        # Plain numbers, which the closed form takes.
+        angles, target, rows = previous.tolist(), position.tolist(), rotation.tolist()
+        if not isfinite(sum(angles) + sum(target) + sum(map(sum, rows))):
+            raise TwinError(f"tool pose {target}, {rows} wanted from command {angles}, expected finite numbers")
         # Most ticks meet no limit: the closed form alone gives their command.
-        ordinary = self._ordinary(angles, target, turned)
+        ordinary = self._ordinary(angles, target, rows)
         if ordinary is not None:
             return ordinary
-        reached = self._advance(angles, target, turned)
+        reached = self._advance(angles, target, rows)
         if self._unlimited:
             for _ in range(STRIDES):
-                before, reached = reached, self._advance(reached.angles.tolist(), target, turned)
+                before, reached = reached, self._advance(reached.angles.tolist(), target, rows)
                 if np.abs(reached.angles - before.angles).max() <= ARRIVED:
                     return replace(reached, velocity_limited=False)
         return reached
@@ -177,7 +178,7 @@ class ResolvedRate:
         """Return the command that reaches the target in this tick; None if a limit prevents it."""
         roll, _, shoulder, elbow, pitch, wrist_yaw, wrist_roll = previous
         wrist = WristAngles(shoulder - elbow + pitch, wrist_yaw, wrist_roll)
-        arrived = self._kinematics.reaching(*self._kinematics.wanted(roll, position, rotation), wrist)
+        arrived = self._kinematics.reaching(*self._kinematics.target(roll, position, rotation), wrist)
         if arrived is None or arrived.radius < CLEARANCE or arrived.rigidity < SINGULAR:
             return None
         angles = [roll, *arrived.angles]
@@ -193,14 +194,14 @@ class ResolvedRate:
         kinematics = self._kinematics
         roll, yaw, shoulder, elbow, pitch, wrist_yaw, wrist_roll = previous
         wrist = WristAngles(shoulder - elbow + pitch, wrist_yaw, wrist_roll)
-        centre, turned = kinematics.wanted(roll, position, rotation)
-        start = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
+        centre, orientation = kinematics.target(roll, position, rotation)
+        start = kinematics.posture(yaw, shoulder, elbow, centre, orientation, wrist)
         offset = [new - old for new, old in zip(start.wrist, wrist, strict=True)]
         held = kept or (max(offset) <= HELD and min(offset) >= -HELD)
         path: Path | None = None
         share, shortened, halvings = 1.0, False, 0
         for _ in range(ATTEMPTS):
-            arrived, damped, ratio = self._arrive(start, centre, turned, previous, share < 1.0)
+            arrived, damped, ratio = self._arrive(start, centre, orientation, previous, share < 1.0)
             if arrived is None or ratio > 1.0:
                 # A joint is too fast: go a shorter way along the same line, so that the tool only slows down.
                 share, shortened = share * (1.0 - SLACK) / ratio, True
@@ -210,15 +211,15 @@ class ResolvedRate:
                     singular = damped and max(map(abs, start.error)) > ARRIVED
                     return CartesianStep(self._command(arrived, previous), shortened, halvings > 0, singular)
                 if held:
-                    return self._slide(start, centre, turned, previous, beyond)
+                    return self._slide(start, centre, orientation, previous, beyond)
                 # A range is in the way of a turn, which cannot slide along it: turn half as far.
                 if halvings == HALVINGS:
                     break
                 halvings, share = halvings + 1, 0.5 * share
             if path is None:
-                path = _line(start, centre, turned) if held else self._turn(previous, position, rotation)
-            centre, turned = path(share)
-            start = kinematics.posture(yaw, shoulder, elbow, centre, turned, wrist)
+                path = _line(start, centre, orientation) if held else self._turn(previous, position, rotation)
+            centre, orientation = path(share)
+            start = kinematics.posture(yaw, shoulder, elbow, centre, orientation, wrist)
         if held:
             return CartesianStep(np.array(previous), shortened, False, True)
         # The turn cannot go on: the tool keeps its orientation, and moves on if it can.
@@ -226,7 +227,7 @@ class ResolvedRate:
         return replace(self._advance(previous, position, kept_rotation.tolist(), kept=True), joint_limited=True)
 
     def _arrive(
-        self, start: Posture, centre: Vector, turned: Rotation, previous: list[float], shorter: bool
+        self, start: Posture, centre: Vector, orientation: Rotation, previous: list[float], shorter: bool
     ) -> tuple[Posture | None, bool, float]:
         """Return where one step leads, whether it is damped, and the fastest joint's motion over its limit.
 
@@ -237,7 +238,7 @@ class ResolvedRate:
             change, ratio = self._estimate(start, previous)
             if ratio > 1.0:
                 return None, False, ratio
-        arrived = self._kinematics.reaching(centre, turned, start.wrist, start.radius)
+        arrived = self._kinematics.reaching(centre, orientation, start.wrist, start.radius)
         if arrived is not None and arrived.rigidity >= SINGULAR:
             return arrived, False, self._ratio(arrived.angles, previous)
         if shorter:
@@ -246,7 +247,7 @@ class ResolvedRate:
                 return None, True, ratio
         # Out of reach, or near a singular pose: the step of first order, damped, leads on.
         yaw, shoulder, elbow = start.yaw + change[0], start.shoulder + change[1], start.elbow + change[2]
-        damped = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, start.wrist)
+        damped = self._kinematics.posture(yaw, shoulder, elbow, centre, orientation, start.wrist)
         return damped, True, self._ratio(damped.angles, previous)
 
     def _estimate(self, start: Posture, previous: list[float]) -> tuple[Vector, float]:
@@ -257,10 +258,10 @@ class ResolvedRate:
         else:
             yaw, shoulder, elbow = np.linalg.solve(*_damped(start, rigidity)).tolist()
             step = (yaw, shoulder, elbow)
-        return step, self._ratio(start.moved(step), previous)
+        return step, self._ratio(start.angles_after(step), previous)
 
     def _slide(
-        self, start: Posture, centre: Vector, turned: Rotation, previous: list[float], beyond: set[int]
+        self, start: Posture, centre: Vector, orientation: Rotation, previous: list[float], beyond: set[int]
     ) -> CartesianStep:
         """Return the command that brings the tool nearest to its target when joints are at the ends of their ranges.
 
@@ -272,7 +273,7 @@ class ResolvedRate:
         beyond = beyond | set(active)
         singular = bool(beyond & GUARDS) or start.rigidity < SINGULAR
         flags = {"joint_limited": bool(beyond - GUARDS), "singular": singular}
-        ratio = self._ratio(start.moved(tuple(step)), previous)
+        ratio = self._ratio(start.angles_after(tuple(step)), previous)
         if ratio > 1.0 - SLACK:
             step = step * (1.0 - SLACK) / ratio
         start_angles = np.array((start.yaw, start.shoulder, start.elbow))
@@ -281,7 +282,7 @@ class ResolvedRate:
             trial = step
             for _ in range(CORRECTIONS):
                 yaw, shoulder, elbow = (start_angles + trial).tolist()
-                arrived = self._kinematics.posture(yaw, shoulder, elbow, centre, turned, start.wrist)
+                arrived = self._kinematics.posture(yaw, shoulder, elbow, centre, orientation, start.wrist)
                 motion = np.array((*arrived.angles, arrived.radius)) - command
                 excess = np.maximum(motion - upper, 0.0) + np.minimum(motion - lower, 0.0)
                 over = np.abs(excess) > ROUNDING
@@ -345,17 +346,17 @@ class ResolvedRate:
 
     def _turn(self, previous: list[float], position: list[float], rotation: Rotation) -> Path:
         """Return the straight line and the shortest turn from the command's tool pose to the wanted one."""
-        origin, orientation = self._controller.tool_pose(np.array(previous))
-        way, turn = np.array(position) - origin, pin.log3(orientation.T @ np.array(rotation))
+        start_position, start_rotation = self._controller.tool_pose(np.array(previous))
+        way, turn = np.array(position) - start_position, pin.log3(start_rotation.T @ np.array(rotation))
 
         def path(share: float) -> tuple[Vector, Rotation]:
-            turned = orientation @ pin.exp3(share * turn)
-            return self._kinematics.wanted(previous[0], (origin + share * way).tolist(), turned.tolist())
+            turned = start_rotation @ pin.exp3(share * turn)
+            return self._kinematics.target(previous[0], (start_position + share * way).tolist(), turned.tolist())
 
         return path
 
 
-def _line(start: Posture, centre: Vector, turned: Rotation) -> Path:
+def _line(start: Posture, centre: Vector, orientation: Rotation) -> Path:
     """Return the straight line from a posture's wrist centre to the wanted one, the rotation held."""
     along, across, up = start.error
     c, s = cos(start.yaw), sin(start.yaw)
@@ -364,7 +365,7 @@ def _line(start: Posture, centre: Vector, turned: Rotation) -> Path:
 
     def path(share: float) -> tuple[Vector, Rotation]:
         remaining = 1.0 - share
-        return (x - remaining * dx, y - remaining * dy, z - remaining * up), turned
+        return (x - remaining * dx, y - remaining * dy, z - remaining * up), orientation
 
     return path
 

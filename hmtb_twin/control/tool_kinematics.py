@@ -122,7 +122,7 @@ class Posture(NamedTuple):
         elbow_change = along * along_elbow + up * up_elbow + across * elbow
         return across * yaw, shoulder_change, elbow_change
 
-    def moved(self, change: Vector) -> tuple[float, float, float, float, float, float]:
+    def angles_after(self, change: Vector) -> tuple[float, float, float, float, float, float]:
         """Return the six angles after changes of yaw, shoulder and elbow, the wrist following to first order, rad."""
         tilt_rate, wrist_yaw_rate, wrist_roll_rate = self.wrist_rates
         yaw, shoulder, elbow = change
@@ -207,7 +207,7 @@ class ToolKinematics:
         reached += hand * rect(1.0, tilt)
         return reached.real
 
-    def wanted(self, roll: float, position: list[float], rotation: Rotation) -> tuple[Vector, Rotation]:
+    def target(self, roll: float, position: list[float], rotation: Rotation) -> tuple[Vector, Rotation]:
         """Return a tool pose as its wrist centre and rotation, both seen from behind the shoulder roll.
 
         Args:

@@ -52,6 +52,7 @@ def install_equations() -> tuple[Any, Any]:
 
 @cache
 def _compiled() -> tuple[Any, Any, Any]:
+    """Compile the callbacks, their machine code kept on disk where possible."""
     offsets = struct_offsets()
     try:
         return eq.compiled_callbacks(offsets)

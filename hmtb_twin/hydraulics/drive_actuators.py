@@ -223,6 +223,7 @@ def valve_parameters(
 
 
 def _common_parameters(drive: Drive, gains: ServoGains, joints: int) -> np.ndarray:
+    """Return the parameters (PARAMETERS,) that both forms of a drive have: servo stiffness, damping and friction."""
     friction, coulomb = drive.friction, drive.coulomb_torque
     p = np.zeros(eq.PARAMETERS)
     p[eq.COUNT], p[eq.DISPLACEMENT] = joints, drive.motor.constant

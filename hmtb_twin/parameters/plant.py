@@ -95,6 +95,7 @@ class Plant:
         return replace(drive, hydraulics=oil, friction=self._friction(drive.friction))
 
     def _check_no_oil(self) -> None:
+        """Raise `TwinError` if the plant asks for valves or oil that electric drives do not have."""
         for name in ("actuator", "servo", "supply_pressure", "oil_temperature"):
             value, nominal = getattr(self, name), getattr(type(self), name)
             # "torque" is the law of every electric servo, so that naming it changes nothing.
@@ -105,6 +106,7 @@ class Plant:
                 )
 
     def _friction(self, seals: Friction | None) -> Friction | None:
+        """Return the friction of a joint under this plant from that of its variant."""
         if seals is None or self.friction == "none":
             return None
         dry = 0.0 if self.friction == "viscous" else self.friction_level * seals.coulomb

@@ -179,6 +179,7 @@ class Specimen:
         return np.array(shapes).reshape(3, -1, AXES)
 
     def _of_joint(self, name: str, joint: str) -> float:
+        """Return the factor of a joint in a quantity with one per joint; 1 where nothing deviates."""
         values = getattr(self, name)
         return float(values[JOINTS.index(joint)]) if values else 1.0
 

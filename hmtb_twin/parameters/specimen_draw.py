@@ -54,8 +54,8 @@ class Distribution:
                 raise TwinError(f"{name} = {shown(value)} of a distribution given, expected a finite number")
             object.__setattr__(self, name, float(value))
         if (self.spread == 0.0) != (self.kind == "fixed") or self.spread < 0.0:
-            wanted = "none" if self.kind == "fixed" else "above 0"
-            raise TwinError(f"spread = {self.spread:g} of a {self.kind} distribution given, expected {wanted}")
+            expected = "none" if self.kind == "fixed" else "above 0"
+            raise TwinError(f"spread = {self.spread:g} of a {self.kind} distribution given, expected {expected}")
         if self.kind == "lognormal" and self.centre is not None and self.centre <= 0.0:
             raise TwinError(f"centre = {self.centre:g} of a lognormal distribution given, expected above 0")
 
@@ -77,6 +77,7 @@ class Distribution:
 
     @property
     def _middle(self) -> float:
+        """The centre; raises `TwinError` where none is stated."""
         if self.centre is None:
             raise TwinError("numbers requested of a distribution without a centre, expected a stated centre")
         return self.centre
@@ -210,6 +211,7 @@ _OF_SPECIMEN = frozenset(attribute.name for attribute in fields(Specimen))
 
 
 def _nominal(name: str) -> float:
+    """Return the nominal value of a quantity of specimen or plant."""
     if name in _OF_SPECIMEN:
         return 0.0 if name in DEVIATIONS else 1.0
     return float(getattr(Plant, name))

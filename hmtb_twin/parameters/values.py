@@ -121,6 +121,7 @@ class Motion:
 
 
 def _motion(lower: float, upper: float, velocity: float) -> Motion:
+    """Return a joint's range and velocity limit from degrees and degrees per second."""
     return Motion(radians(lower), radians(upper), radians(velocity))
 
 

@@ -232,10 +232,12 @@ class BatchRun:
         self._active = self._active[self._lengths[self._active] > tick + 1]
 
     def _fail(self, i: int, reason: str) -> None:
+        """End row i with the reason of its failure; the others go on."""
         self._rows[i].failure = reason
         self._active = self._active[self._active != i]
 
     def _status(self, i: int) -> int:
+        """Return the status bits that the latch of row i sets."""
         held = self._site is not None and self._site.held[i]
         return int(Status.UNIT_HELD) if held else 0
 

@@ -165,6 +165,7 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
 
 
 def _at_step(arm: Arm, step: float) -> Arm:
+    """Return an arm with a physics step in s; the same record if it has that step already."""
     return arm if arm.model.opt.timestep == step else arm.at_step(step)
 
 

@@ -110,7 +110,7 @@ class Motion:
             log: JointLog | None = None
             try:
                 live = LiveRun(experiment)
-                self._play(self._live(live), lambda: speed, watch)
+                self._play(self._live_frames(live), lambda: speed, watch)
                 reason = live.failure
             except (ValueError, OSError) as error:
                 reason = str(error)
@@ -150,6 +150,7 @@ class Motion:
         self._power = on
 
     def _start(self, work: Callable[[], None], playback: Playback | None = None) -> None:
+        """Start the thread of a motion; raises `TwinError` if another one runs."""
         with self._lock:
             self.check_free()
             self._stop.clear()
@@ -158,7 +159,8 @@ class Motion:
             self._thread = threading.Thread(target=work, daemon=True, name="motion")
             self._thread.start()
 
-    def _live(self, live: LiveRun) -> Iterator[Frame]:
+    def _live_frames(self, live: LiveRun) -> Iterator[Frame]:
+        """Run an experiment and yield the arm after each tick."""
         while (frame := live.step()) is not None:
             yield frame
             # A switch requested by the page takes effect here, between two ticks and in the thread of the run.
@@ -194,6 +196,7 @@ class Motion:
             self._picture(waiting, watch)
 
     def _picture(self, frames: list[Frame], watch: Watch) -> None:
+        """Show the last of the frames since the picture before."""
         self._show(frames[-1])
         watch(frames)
         self.pictures += 1

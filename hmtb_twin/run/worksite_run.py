@@ -99,6 +99,7 @@ class WorksiteRun:
         return self._positions[i, self._unit], self._rotations[i, self._unit].reshape(3, 3)
 
     def _without_power(self, i: int) -> mujoco.MjModel:
+        """Return the model of simulation i after a shutdown, the unit held where it is in the working model."""
         shut = self._shut[i]
         if shut is None:
             # Made at the first shutdown: most experiments have none.
@@ -107,6 +108,7 @@ class WorksiteRun:
         return shut
 
     def _within_fingers(self, i: int) -> bool:
+        """Return whether the unit's fitting is between the fingers, within the reach of the latch."""
         position, rotation = self._unit_frame(i)
         tool = self._site_rotations[i, self._tool].reshape(3, 3)
         distance = np.linalg.norm(position - self._site_positions[i, self._tool])

@@ -154,6 +154,7 @@ def sliding(arm: Arm) -> Arm:
 
 
 def _angles(pose: np.ndarray) -> np.ndarray:
+    """Return a pose given by its angles (7,), rad; raises `TwinError` for anything else."""
     try:
         array = np.asarray(pose)
     except ValueError:  # rows of unequal length
@@ -166,6 +167,7 @@ def _angles(pose: np.ndarray) -> np.ndarray:
 
 
 def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbances]:
+    """Return the 50 Hz model from commanded to measured angles at a pose, and the noise that acts on it."""
     data = arm.rest(angles)
     for name, angle in zip(JOINTS, data.qpos, strict=True):
         if not clear_of_stops(name, float(angle)):

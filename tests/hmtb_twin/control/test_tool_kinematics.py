@@ -19,7 +19,7 @@ def kinematics(arm):
 def wanted(controller, kinematics, angles):
     position, rotation = controller.tool_pose(angles)
     wrist = WristAngles(angles[2] - angles[3] + angles[4], angles[5], angles[6])
-    return *kinematics.wanted(angles[0], position.tolist(), rotation.tolist()), wrist
+    return *kinematics.target(angles[0], position.tolist(), rotation.tolist()), wrist
 
 
 def posture(controller, kinematics, angles):
