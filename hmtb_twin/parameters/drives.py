@@ -190,11 +190,13 @@ class Actuator:
 
         No-load speed is stated at the rated pressure; flow through an orifice goes with the root of pressure.
         """
+        # The valve is built for the rating; a plant with another supply has the same valve.
         return self.displacement * self.no_load_speed * sqrt(self.hydraulics.pressure / RATED_PRESSURE)
 
     @property
     def leakage(self) -> float:
         """Internal leakage C, laminar and so the larger the thinner the oil, cm^3/(s MPa)."""
+        # Laminar flow through a gap: proportional to the pressure, inversely to the viscosity.
         at_rating = self.hydraulics.leakage * self.displacement * self.no_load_speed / RATED_PRESSURE
         return at_rating / relative_viscosity(self.hydraulics.oil_temperature)
 
@@ -206,6 +208,7 @@ class Actuator:
     @property
     def flow_pressure_gain(self) -> float:
         """Flow lost per load pressure, cm^3/(s MPa): K + C, or only the leakage C behind a closed valve."""
+        # The straight line from no-load flow at zero load pressure to stall at full pressure.
         return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
 
     @property
@@ -248,6 +251,8 @@ class RollFriction(Friction):
     )
 
 
+# Trapped volumes are 1.2 times displacement times range: smaller ones could not hold what the joint sweeps. With faster
+# no-load speeds the joints together would need more flow than a pump of 30 L/min has.
 ACTUATORS = {
     "shoulder_roll": Actuator(60.0, 455.0, 1.5),
     "shoulder_yaw": Actuator(60.0, 228.0, 1.5, friction=YawFriction()),

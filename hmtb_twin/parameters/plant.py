@@ -109,6 +109,7 @@ class Plant:
         """Return the friction of a joint under this plant from that of its variant."""
         if seals is None or self.friction == "none":
             return None
+        # The oil's drag stays in every model but "none".
         dry = 0.0 if self.friction == "viscous" else self.friction_level * seals.coulomb
         # Without Stribeck's peak LuGre friction is Dahl's.
         ratio = 1.0 if self.friction == "coulomb" else seals.static_ratio

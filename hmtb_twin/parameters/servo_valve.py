@@ -80,6 +80,7 @@ class ServoValve:
         s = 1j * frequency
         washed = s * self.washout_time / (1.0 + s * self.washout_time)
         w = self.angular_frequency
+        # The integrator is the oil of the held joint, the spool its only lag.
         spool = w**2 / (s**2 + 2.0 * self.damping * w * s + w**2)
         return (static + (self.loop_gain - static) * washed) / s * spool
 

@@ -60,6 +60,7 @@ class Link:
     @property
     def axial_inertia(self) -> float:
         """Moment of inertia about the link's axis, kg m^2."""
+        # A uniform solid cylinder: no document tells where the mass of a link sits.
         return 0.5 * self.mass * self.radius**2
 
     @property
@@ -68,6 +69,8 @@ class Link:
         return self.mass * (3.0 * self.radius**2 + self.length**2) / 12.0
 
 
+# Of the 27 kg of base, roll and yaw, 9 kg stand still in the pedestal and are no link. From the shoulder pitch to the
+# tool the chain is 0.61 + 0.56 + 0.15 + 0.15 + 0.20 m long, as the reach of the Atlas 7R.
 LINKS = {
     "shoulder_roll": Link(0.15, 9.0, 0.10),
     "shoulder_yaw": Link(0.10, 9.0, 0.10),
@@ -97,6 +100,7 @@ class Servo:
     )
 
 
+# Without the faster outer poles, inertial coupling through the bent arm turns the dominant poles into complex pairs.
 SERVOS = {
     "shoulder_roll": Servo(fast_pole=-36.0),
     "shoulder_yaw": Servo(fast_pole=-36.0),
@@ -256,6 +260,7 @@ class HandController:
     @property
     def adc_step(self) -> float:
         """One count of the converter, V."""
+        # The range lies on both sides of zero.
         return 2.0 * self.adc_range / 2**self.adc_bits
 
 
@@ -289,5 +294,6 @@ LARGE_MOTION = HandController(
 
 RECORDER = Recorder()
 
+# The shoulder pitch alone is printed with nk = 1.
 BUS = {name: BusTerminal() for name in JOINTS} | {"shoulder_pitch": BusTerminal(0)}
 """Bus delay of each measured angle; the analyst identifies nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""

@@ -64,6 +64,7 @@ PUBLISHED_SERVOS: Mapping[str, Servo] = MappingProxyType(
 )
 """The servo of each joint."""
 
+# The servos of these joints are so soft that nominal seals would hold them through a command of 1 V.
 _LIGHT_YAW = replace(ACTUATORS["shoulder_yaw"], friction=LightFriction())
 _LIGHT_ROLL = replace(ACTUATORS["wrist_roll"], friction=LightFriction())
 
@@ -128,6 +129,7 @@ FLIGHT_DRIVES: Mapping[str, ElectricDrive] = MappingProxyType(
 )
 """The drive of each joint: 288, 163 and 49 N m at shoulder, elbow and wrist."""
 
+# Faster outward, as on the ground.
 _FAST_POLES = (-70.0, -70.0, -90.0, -140.0, -200.0, -200.0, -200.0)
 
 FLIGHT_SERVOS: Mapping[str, Servo] = MappingProxyType(
