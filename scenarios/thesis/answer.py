@@ -69,6 +69,7 @@ class JointAnswer:
         """Median of a method's levels over the seeds, Hz; NaN where fewer than half of the models have one."""
         levels = self.levels[method]
         crossings = [level for level in levels if np.isfinite(level)]
+        # A median of a minority of the records would hide that the gain mostly never falls so far.
         if not crossings or 2 * len(crossings) < len(levels):
             return float("nan")
         return median(crossings)

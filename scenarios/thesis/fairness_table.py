@@ -104,6 +104,7 @@ def _arm(campaign: Campaign) -> ArmFairness:
     models = {joint: _models(joint, campaign) for joint in available}
     truth_hz = {joint: campaign.truth.joint(joint).bandwidth_hz for joint in STUDIED_JOINTS}
     every_joint_available = len(available) == len(STUDIED_JOINTS)
+    # A model of three joints needs a model of each.
     three_joint = _three_joints(models, campaign) if every_joint_available else {}
     return ArmFairness(campaign.condition, truth_hz, models, three_joint)
 
@@ -119,6 +120,7 @@ def _models(joint: str, campaign: Campaign) -> tuple[FairModel, ...]:
 
 def _sufficient_structure(joint: str) -> Structure:
     """Output-error structure whose order suffices for the arm without friction; the thesis does not use it."""
+    # The study puts it behind those of the thesis.
     return STRUCTURES[joint][-1]
 
 

@@ -214,6 +214,7 @@ def fast_chirp(study: Comparison) -> Finding:
             values[f"yaw residual, {model.kind}"] = correlation
             # The limit is a share of the residual's variance, which is the square of the correlation.
             verdict_parts[f"slight coupling, {model.kind}"] = bound < correlation <= np.sqrt(limits["slight"])
+    # With the yaw's own command at rest, its motion is what the pitches push.
     pitch_commands = data.u * [0.0, 1.0, 1.0]
     yaw_from_pitches = sysid.simulate(study.multivariable.truth, pitch_commands)[:, 0]
     coupled = 100 * float(np.std(yaw_from_pitches) / np.std(data.y[:, 0]))

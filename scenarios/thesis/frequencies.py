@@ -73,6 +73,7 @@ def answer_text(tally: Tally) -> str:
 
 def source_text(tally: Tally, seed: int | None = None) -> str:
     """Describe which seeds the frequencies count, beside that of this run, on which arm and with which software."""
+    # A study with the scenarios' own seeds has no seed.
     seeds = sorted(outcome.seed for outcome in tally.outcomes if outcome.seed is not None)
     values = {"tally": tally, "seed": seed, "seeds": seeds, "versions": tally.outcomes[0].versions}
     return " ".join(Page().render("seeds_text.j2", values).split())

@@ -46,9 +46,11 @@ class LongTables:
             # Rows of the templates may end early or with a bar too many: each becomes as long as the first.
             cells = _cells(line) + [""] * len(column_names)
             rows.append([group, *cells[: len(column_names)]])
+        # Without headings, the column of headings would be empty.
         if not group:
             rows = [row[1:] for row in rows]
         file = io.StringIO()
+        # By default the module ends lines by CR and LF.
         csv.writer(file, lineterminator="\n").writerows(rows)
         self.texts[name] = file.getvalue()
         return Markup('<p class="file">Table <a href="{0}">{0}</a>, {1} rows: {2}</p>').format(

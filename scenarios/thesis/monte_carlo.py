@@ -266,6 +266,7 @@ def tally(
         ScenarioError: Every seed failed, or the journal cannot be used.
     """
     setting = {"duration": duration, "versions": versions(), "sources": fingerprint()}
+    # Sorted, so that equal settings have equal hashes.
     setting_hash = sha256(json.dumps(setting, sort_keys=True).encode()).hexdigest()
     outcomes: list[SeedOutcome] = []
     failed: dict[int, str] = {}
@@ -276,6 +277,7 @@ def tally(
             if key not in journal:
                 try:
                     conclusions = _run_seed(seed, duration, threads, partial(progress, seed, finished))
+                # A seed without conclusions does not end the others: it is counted as failed.
                 except (ScenarioError, TwinError, SysidError) as error:
                     failed[seed] = str(error)
                     continue

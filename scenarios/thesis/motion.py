@@ -245,6 +245,7 @@ def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[fl
     white = noise.standard_normal(data.u.shape)
     for level in levels:
         logged = replace(data, u=data.u + level * spread * white).detrend()
+        # Unstable models overflow: `_plain` makes None of what is not finite.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
             analysis = _spectra(logged) if record.excitation == "sines" else _models(setting.joint, logged)

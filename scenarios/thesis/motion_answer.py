@@ -48,6 +48,7 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
             "best": [_arm_record(arm, cells) for arm in ranked_arms[:SHOWN]],
         },
         "nominal": _arm_record(_nominal(tests.values()), cells),
+        # A factor of which one level was tried cost nothing to fix.
         "profile": {name: levels for name, levels in score_by_level.items() if len(levels) > 1},
         "map": _map_records(ranked_arms[0], tests.values()),
         "failed": list(failed),
@@ -116,6 +117,7 @@ def _arm_record(arm: ArmScore, cells: Sequence[Cell]) -> dict[str, Any]:
         record = cell.record()
         bandwidths = {}
         for same in cells:
+            # The same arm and chain under the other excitations.
             if (same.setting, factors(same)) == (cell.setting, factors(cell)):
                 recovered = {method: same.medians.get(f"{method}_bandwidth_hz") for method in METHODS}
                 bandwidths[same.excitation] = recovered

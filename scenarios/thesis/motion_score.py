@@ -51,6 +51,7 @@ def _ratio(key: str, printed: float, tolerance: float) -> Distance:
     """Distance of a number from the printed one: the logarithm of their ratio, in tolerances."""
 
     def distance(row: Mapping[str, float]) -> float:
+        # Not `<=`: a number that is missing is NaN.
         if not row[key] > 0.0:
             return float("nan")
         return abs(log(row[key] / printed)) / tolerance
@@ -91,6 +92,7 @@ def items(joint: str) -> Mapping[str, Distance]:
         printed = model_numbers(model.model)
         for key, (name, tolerance) in TOLERANCES.items():
             distances[f"{model.label}, {name}"] = _ratio(f"{model.method}_{key}", printed[key], tolerance)
+    # The tail is what the printed share of two states leaves.
     distances["tail of OKID"] = _ratio("okid_tail_percent", 100.0 - PERCENT_DESCRIBED[joint], log(2.0))
     distances["break of the spectrum"] = _ratio("break_rad_s", BREAK_FREQUENCY[joint], log(1.1))
     # A tolerance is one sample outside the printed range, and half an order of magnitude; see docs/motion.md.
@@ -141,6 +143,7 @@ def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
     groups: dict[tuple[str, float, float], list[dict[str, float]]] = {}
     spectra: dict[float, list[dict[str, float]]] = {}
     for row in rows:
+        # `motion_record` lists failed experiments with their reasons.
         if "failed" in row:
             continue
         numbers = _numbers_of(row)
@@ -241,6 +244,7 @@ def arms(scored: Iterable[Cell]) -> tuple[ArmScore, ...]:
     """Return every arm that explains the binary tests of all joints by one servo and one chain, the best first."""
     groups: dict[tuple[object, ...], dict[str, Cell]] = {}
     for cell in scored:
+        # The thesis' models come from binary tests.
         if cell.excitation != "prbs":
             continue
         levels = factors(cell)

@@ -38,6 +38,7 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
         if path is not None and path.stat().st_size > MOST:
             raise ValueError(f"it has {path.stat().st_size} bytes")
         source = path or files("scenarios") / "data" / "motion.json"
+        # Python would read NaN and Infinity, which JSON does not have.
         record = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse)
         # Everything is made of it once, so that a damaged file fails here and not after minutes of simulation.
         motion_texts(record)

@@ -260,6 +260,7 @@ def three_joint_truth(truth: Truth) -> StateSpace:
 
 def _response(model: StateSpace, band: tuple[float, float]) -> np.ndarray:
     """Response (200, ny, nu) at frequencies evenly spaced on a logarithmic axis from the lowest to the highest, Hz."""
+    # On a logarithmic axis every octave has the same weight in the norms below.
     return model.frequency_response(np.geomspace(*band, 200))
 
 
@@ -334,6 +335,7 @@ def _alone(data: IOData) -> StateSpace:
 
 
 METHODS: dict[str, Callable[[IOData], StateSpace]] = {
+    # Two states a joint and p = 5, as in the thesis [Morris1996, sec. V.2].
     ALONE: _alone,
     FULL_OKID: lambda data: sysid.okid(data, 6, p=5).model,
     "N4SID, 6 states": lambda data: sysid.n4sid(data, 6).model,

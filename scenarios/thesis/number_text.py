@@ -19,6 +19,7 @@ def number(value: float, digits: int = 4) -> str:
         return "–"
     if value == 0.0 or (float(value).is_integer() and abs(value) < 1000):
         return minus(f"{value:.0f}")
+    # The form with # keeps zeros at the end, but also a point without digits behind it.
     return minus(f"{value:#.{digits}g}".rstrip("."))
 
 

@@ -114,6 +114,7 @@ def search_orders(joint: str, data: Mapping[int, IOData], part: Part = NO_REPORT
     held_out = []
     for test in OTHER_WAVEFORMS:
         if test in data:
+            # Every structure is simulated on all of them.
             held_out.append(data[test][: round(MINUTE / data[test].dt)])
     if not held_out:
         raise SysidError("a search for orders needs other data sets to judge on, got none")
@@ -134,11 +135,13 @@ def search(
     best_of_steps: list[Iteration] = []
     delays: tuple[int, ...] = DELAYS
     for poles, share in part.split(POLES):
+        # Fewer zeros than poles; the delay is varied apart from them.
         structures = list(product(range(max(poles - 1 - FEWER_ZEROS, 0), poles), delays))
         step = []
         for (zeros, delay), _ in share.split(structures):
             step.append(_iteration(method, poles, zeros, delay, data, held_out))
         iterations += step
+        # A structure that passes is preferred to any that does not, however well it fits.
         best_of_steps.append(max(step, key=lambda iteration: (iteration.passes, iteration.held_out)))
         if poles >= DELAYS_UP_TO:
             # The delay belongs to the arm, not to the model's size: once found it need not be varied again.
@@ -162,6 +165,7 @@ def _simplest_of_the_best(method: str, iterations: Sequence[Iteration]) -> Itera
 
 def _iteration(method: str, poles: int, zeros: int, delay: int, data: IOData, held_out: Sequence[IOData]) -> Iteration:
     """Identify one structure, test its residuals and compare it with the other data sets."""
+    # B has one coefficient more than zeros; C has as many as A.
     orders = (poles, zeros + 1, poles, delay) if method == "armax" else (zeros + 1, poles, delay)
     iteration = Iteration(orders, poles, zeros, delay)
     try:
@@ -245,6 +249,7 @@ def _repeated_least_squares(data: IOData, nb: int, nf: int, nk: int) -> tuple[fl
     Each round fits F y/F' = B u/F' by least squares, with F' the F of the round before, not projected onto stable
     polynomials [SteiglitzMcBride1965].
     """
+    # The first round filters nothing: plain least squares.
     f = np.ones(1)
     radius = 0.0
     for iteration in range(1, ROUNDS + 1):
@@ -256,6 +261,7 @@ def _repeated_least_squares(data: IOData, nb: int, nf: int, nk: int) -> tuple[fl
         # An unstable F cannot filter the next round: its outputs grow without bound.
         if radius >= 1.0:
             return radius, iteration, False
+        # After the first round there is no denominator of the same order to compare with.
         if len(before) == len(f) and np.abs(f - before).max() <= SETTLED * np.abs(f).max():
             return radius, iteration, True
     return radius, ROUNDS, False

@@ -101,6 +101,7 @@ def film(study: Comparison) -> Film:
     angles = np.asarray(log.true_angles)
     home = angles[0]
     factor = enlargement((angles - home)[:, JOINTS.index(FILMED)])
+    # About the first pose, at which the joint rests.
     enlarged = replace(log, true_angles=home + factor * (angles - home))
     # A record shorter than the span is filmed to its end.
     last = min(SPAN[1], (len(log) - 1) * log.dt)

@@ -134,6 +134,7 @@ def _tests(tests: Iterable[tuple[str, ResidualTest, Style]], channel: int) -> tu
     """Autocorrelation of the residuals of a channel, and their correlation with its input, models side by side."""
     auto, cross = [], []
     for index, (label, test, look) in enumerate(tests):
+        # Stems of several models stand side by side at each lag.
         shift = 0.4 * index
         # Lag 0 is one by definition and would set the scale.
         coefficients = test.autocorrelation[1:, channel, channel]
@@ -154,6 +155,7 @@ def correlations(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     estimates = study.nonparametric[result.joint]
     functions = (("as recorded", estimates.covariances, "#8a8a8a"), ("input made white", estimates.whitened, "#0072b2"))
     drawn = []
+    # Of the two channels, the output is the first.
     for row, column, title in ((0, 0, "output"), (1, 1, "input"), (0, 1, "input to output")):
         series = []
         for label, function, colour in functions:

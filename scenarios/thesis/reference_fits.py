@@ -97,5 +97,6 @@ def _fits_of_record(campaign: Campaign, name: str, pulses: np.ndarray) -> dict[s
 
 def _fits(y: np.ndarray, response: np.ndarray) -> dict[str, float]:
     """Fits of a simulated response without its mean to a record, by joint, percent."""
+    # Records have lost their mean: so must what is compared with them.
     fits = sysid.validation.fit_percent(y, response - response.mean(axis=0))
     return dict(zip(STUDIED_JOINTS, map(float, fits), strict=True))

@@ -57,6 +57,7 @@ def write_report(
     cost = study.cost.later(perf_counter() - begin, report=True)
     page, tables = html(replace(contents, study=replace(study, cost=cost)))
     try:
+        # The page comes last: it links the tables.
         tables.write(path.parent / "tables")
         if figures is not None:
             write_figures(contents.figures.values(), figures)
@@ -71,6 +72,7 @@ def compressed_plotly() -> str:
     """Return plotly.js as base64 of gzip, two fifths of its size, which browsers unpack by themselves."""
     from plotly.offline import get_plotlyjs
 
+    # Without a time in it: equal reports have equal bytes.
     return base64.b64encode(gzip.compress(get_plotlyjs().encode(), compresslevel=9, mtime=0)).decode("ascii")
 
 
@@ -111,6 +113,7 @@ def html(contents: ReportContents) -> tuple[str, LongTables]:
     }
     page = Page(filters)
     chart_data = {name: figure.chart.data() for name, figure in contents.figures.items()}
+    # Without NaN, which no browser reads in JSON: better an error here than an empty page.
     charts = json.dumps(chart_data, separators=(",", ":"), allow_nan=False)
     fields = vars(contents)
     # On paper the answer comes first and then the contents, which are known once all sections are rendered.

@@ -19,6 +19,7 @@ from sysid import FrequencyResponse, StateSpace
 from sysid.models.bandwidth import HALF_POWER
 from sysid.plots import BOUND, PALETTE, Style
 
+# Up to the Nyquist frequency of the records.
 FREQUENCIES = np.geomspace(0.05, 25.0, 90)
 
 EXCITED_FROM = SAMPLE_RATE / POINTS
@@ -93,6 +94,7 @@ def _phase(label: str, drawn: StateSpace | FrequencyResponse, style: Style, resu
     dense = np.linspace(0.05, 25.0, 500)
     true = np.unwrap(np.angle(result.truth.model.frequency_response(dense)[:, 0, 0]))
     angle = np.angle(response.response[:, 0, 0])
+    # An estimate alone does not tell how many full turns its phase has made.
     turns = np.round((angle - np.interp(response.frequencies, dense, true)) / (2 * np.pi))
     return Series(label, response.frequencies, np.degrees(angle - 2 * np.pi * turns), style)
 

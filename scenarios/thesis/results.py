@@ -129,6 +129,7 @@ def read_results(folder: Path) -> Mapping[str, Any]:
         if not (isinstance(record["answer"], str) and isinstance(record["certainty"], str)):
             raise TypeError("the answer is no text")
         test = single_joint_test(1, STUDIED_JOINTS[0])
+        # `opened` simulates parts of the study again: seed and duration must be such as a scenario takes.
         campaign_scenario(test, seed=record["seed"], duration=record["duration"])
         return dict(record)
     except DAMAGE as error:
@@ -152,6 +153,7 @@ def result_tables(record: Mapping[str, Any]) -> list[ResultTable]:
     tables = [_bandwidth_table(joint, bandwidths) for joint, bandwidths in record["bandwidth"].items()]
     rows = []
     for key, finding in record["findings"].items():
+        # Studies without the conclusions of many seeds have no frequencies.
         seeds = finding.get("frequency", {"verdicts": {}, "depends_on_seed": False})
         frequency = frequency_in_words(seeds["verdicts"], depends=seeds["depends_on_seed"])
         rows.append((key, str(finding["verdict"]), frequency, CLAIMS[key].claim))

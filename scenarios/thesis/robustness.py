@@ -158,6 +158,7 @@ def _range_of(values: Iterable[float]) -> Range:
 def comparable(entries: tuple[RobustnessOutcome, ...], reference: RobustnessOutcome) -> bool:
     """Whether the median draw stays comparable; a failed estimate is not comparable."""
     percent, points = COMPARABLE
+    # A fit is missing only where the estimator refused the record.
     if any(np.isnan(draw.fit) for draw in entries):
         return False
     shifts = []
@@ -180,6 +181,7 @@ def tolerance(robustness: Robustness, disturbance: str, joint: str, method: str,
     levels = sorted((degree for degree in draws if degree or kind.decibel), reverse=kind.falling)
     if not levels:
         return "–"
+    # A bias of zero is the undisturbed record, and nothing of it is random.
     undisturbed = robustness.of("bias", joint, method)[0.0][0]
     tolerated = list(takewhile(lambda degree: comparable(draws[degree], undisturbed), levels))
     if not tolerated:
@@ -267,6 +269,7 @@ class _Trial:
         samples = round(degree / self.data.dt)
         if samples > len(self.data):
             return 0
+        # The whole record has only one segment.
         return 1 if samples == len(self.data) else disturbance.draws
 
     def _generator(self, disturbance: Disturbance, degree: float, draw: int) -> np.random.Generator:
@@ -288,6 +291,7 @@ class _Trial:
         except SysidError:
             return RobustnessOutcome(*keys, bandwidth_hz=np.nan, error=np.nan, covers=False, fit=np.nan)
         # Value and ends of its interval.
+        # An unstable model has no response to read a bandwidth off.
         bandwidth = model.bandwidth().path() if model.model.is_stable() else (np.nan,) * 3
         return RobustnessOutcome(
             *keys,
@@ -303,6 +307,7 @@ class _Trial:
         part = self.data[:SHORT_PART].detrend()
         records = {DETRENDED: part, WITH_MEANS: with_means[:SHORT_PART]}
         for name, key in ((CONSTANT, "bias"), (OUTLIERS, "outliers")):
+            # One fixed draw: on every joint and in every study the same samples are outliers.
             records[name] = DISTURBANCES[key].spoil(part, limits[key], np.random.default_rng(0))
         results = []
         for method, (estimator, orders) in ORDERS.items():

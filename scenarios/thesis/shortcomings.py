@@ -51,6 +51,7 @@ def shortcomings(study: Comparison) -> Shortcomings:
         for model in result.models.values():
             if not model.covers:
                 distance = model.bandwidth_hz - result.best_linear.hz
+                # By the width alone: the bandwidth need not lie in the middle of its interval.
                 half_widths = 2 * abs(distance) / float(np.ptp(model.ci95))
                 missed.append(MissedInterval(joint, model.label, 100 * distance / result.best_linear.hz, half_widths))
             if not near_1_hz(model.bandwidth_hz):

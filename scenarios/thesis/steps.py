@@ -88,6 +88,7 @@ class Steps:
     def __init__(self, costs: Mapping[str, float], report: Report | None = None) -> None:
         """Plan steps by their costs, s, in the sequence of the work."""
         # Whole hundredths add up exactly, so that the last step ends at the total.
+        # At least one, since the last hundredth of a step is kept for its end.
         self.costs = {name: max(round(HUNDREDTHS * cost), 1) for name, cost in costs.items()}
         self._report = report or (lambda step, done, total: None)
         self._done = 0

@@ -100,6 +100,7 @@ def _check(conditions: Sequence[Condition], duration: float | None) -> None:
     repeated = [str(condition) for condition, count in Counter(conditions).items() if count > 1]
     if repeated:
         raise ScenarioError(f"arms given more than once: {'; '.join(repeated)}")
+    # Not `<`: NaN is refused too.
     if duration is not None and not duration >= SHORTEST:
         raise ScenarioError(f"duration = {duration} s given, the study needs records of {SHORTEST:g} s or more")
 
@@ -128,7 +129,9 @@ def plan(
 
     # What changes with the pose falls with the square of the amplitude: small commands switch it off.
     small = tuple(scaled(scenario) for scenario in scenarios_of(estimation_tests, duration))
+    # The arm without friction is always played, but compared with the others only where it was asked for.
     fairness_tests = FAIRNESS_TESTS if frictionless in others else ()
+    # Estimation tests of table 1 are in both: each is played once.
     without_friction = tuple(dict.fromkeys((*estimation_tests, *fairness_tests)))
     planned = [
         (first, scenarios_of(EVERY_TEST, duration)),
@@ -153,8 +156,10 @@ def planned_steps(
     costs = {}
     for condition, scenarios in arms:
         seconds = sum(scenario.duration for scenario in scenarios)
+        # The cost of a simulation grows with its ticks, whatever is simulated.
         costs[f"simulate the arm {condition}"] = TICK * SAMPLE_RATE * seconds
     minutes = max(scenario.duration for scenario in arms[1][1]) / 60.0
+    # The last two are those of other arms and of every joint.
     analyses = ANALYSES if thorough else ANALYSES[:-2]
     for name in (*analyses, *afterwards):
         fixed, per_minute, brief_share = COSTS[name]
@@ -182,6 +187,7 @@ def draw_conclusions(campaigns: Sequence[Campaign], *, thorough: bool = True, st
             "expected campaigns of an arm with friction, of the same without, and of others; given "
             + ("; ".join(map(str, arms)) or "none")
         )
+    # Campaigns may come without `run_study`, which plans the steps of simulation too.
     steps = steps or planned_steps(arms, campaigns[0].duration, thorough=thorough)
     with warnings.catch_warnings():
         # The diagnostics of the estimates hold them, from where the report takes them.
@@ -237,6 +243,7 @@ def _analyse(campaigns: tuple[Campaign, ...], steps: Steps, *, thorough: bool) -
         robustness=disturbed,
         fairness=fairness_of_arms,
         every_joint=seven_joints,
+        # `draw_conclusions` and `run_study` know the total.
         cost=Cost(physics_s, simulation_s, total_s=0.0),
         provenance=versions(),
     )

@@ -54,6 +54,7 @@ def beyond_yaw(u: np.ndarray, inputs: list[int]) -> tuple[np.ndarray, float]:
     Inputs are u (N, 3); the remainders are (N - 2 LAGS, n), beside the least share of an input's variance that remains.
     """
     lagged = np.lib.stride_tricks.sliding_window_view(u[:, 0], 2 * LAGS + 1)
+    # Only these samples have all lags on both sides.
     middle = u[LAGS : len(u) - LAGS, inputs]
     # The best filter by least squares: shared waveforms differ between the axes by dynamics and noise only.
     remainder = middle - lagged @ np.linalg.lstsq(lagged, middle, rcond=None)[0]
