@@ -269,8 +269,8 @@ class IdentifyTab:
         for box in self._shown.values():
             box.remove()
         labels: dict[int | str, tuple[str, str]] = {}
-        for key, model in models.listed.items():
-            labels[key] = (model.name, model.found.title)
+        for model_number, model in models.listed.items():
+            labels[model_number] = (model.name, model.found.title)
         labels["truth"] = ("truth", "small-signal model of the arm")
         labels["published"] = ("printed", "models of the thesis")
         self._shown = {}
