@@ -83,6 +83,7 @@ from sysid.records import (
     resample,
 )
 from sysid.records.arrays import register_drawer
+from sysid.records.optional import optional
 from sysid.recursive import RecursiveEstimate, Track, rarmax, rarx, roe, track
 from sysid.selection import StructureChoice, auto
 from sysid.subspace import era, era_dc, n4sid, okid, pbsid, pem_ss
@@ -218,7 +219,8 @@ register_drawer(_thumbnail)
 def __getattr__(name: str) -> ModuleType:
     """Load `sysid.plots` on first use: an analysis without figures does not wait for what draws them."""
     if name == "plots":
-        return importlib.import_module("sysid.plots")
+        with optional("plots"):
+            return importlib.import_module("sysid.plots")
     raise AttributeError(f"module 'sysid' has no attribute {name!r}")
 
 

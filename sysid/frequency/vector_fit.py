@@ -13,6 +13,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arguments import sampling_interval, truth_value, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
+from sysid.records.optional import optional
 
 if TYPE_CHECKING:
     import control
@@ -73,7 +74,8 @@ class PartialFractions(Locked):
 
     def to_control(self) -> "control.StateSpace":
         """The response as a python-control system, in continuous time where `dt` is 0."""
-        import control
+        with optional("control"):
+            import control
 
         return control.ss(*self.matrices(), self.dt)
 

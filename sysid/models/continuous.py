@@ -19,6 +19,7 @@ from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain
 from sysid.records.arguments import sampling_interval, shown
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.optional import optional
 
 if TYPE_CHECKING:
     import control
@@ -184,7 +185,8 @@ def c2d(
         realise = Resampled(system.realise_continuous, dt, intersample)
         resampled = {"model": realise(system.parameters), "polynomials": None, "realise": realise}
         return Estimate(**estimate_fields(system) | resampled)
-    import control
+    with optional("control"):
+        import control
 
     system = _continuous(system)
     if isinstance(system, control.TransferFunction):
@@ -242,7 +244,8 @@ def d2c_matched(model: StateSpace | Estimate) -> "control.TransferFunction":
     Raises:
         SysidError: Several channels, or poles at zero or on the negative real axis.
     """
-    import control
+    with optional("control"):
+        import control
 
     model = as_model(model).input_path()
     z = zero_pole_gain(model)
@@ -300,7 +303,8 @@ def _is_linear(intersample: str) -> bool:
 
 def _continuous(system: "control.LTI") -> "control.LTI":
     """Check that a python-control system is continuous in time."""
-    import control
+    with optional("control"):
+        import control
 
     if not isinstance(system, control.StateSpace | control.TransferFunction):
         raise SysidError(f"expected a continuous-time python-control system, got {type(system).__name__}")

@@ -14,6 +14,7 @@ from sysid.models.system_matrices import transmission_zeros
 from sysid.records.arguments import sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
+from sysid.records.optional import optional
 from sysid.records.printing import LISTED, Part
 
 if TYPE_CHECKING:
@@ -198,7 +199,8 @@ class ContinuousModel(Locked):
         Raises:
             SysidError: Delays without an order of their approximation, or that differ between outputs.
         """
-        import control
+        with optional("control"):
+            import control
 
         m = self.states
         labels = {"inputs": list(m.input_names or ()), "outputs": list(m.output_names or ())}

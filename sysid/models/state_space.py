@@ -15,6 +15,7 @@ from sysid.records.arguments import real_number, sampling_interval, shown, warn_
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.records.channels import channel_labels, default_names
 from sysid.records.errors import SysidError
+from sysid.records.optional import optional
 from sysid.records.printing import Part, matrix_table, poles_table
 
 if TYPE_CHECKING:
@@ -321,7 +322,8 @@ class StateSpace(Locked):
     def to_control(self) -> "control.StateSpace":
         """The path from u to y as a python-control system; of a time series, that from e to y."""
         # python-control loads matplotlib.pyplot, which takes longer than most analyses.
-        import control
+        with optional("control"):
+            import control
 
         if self.nu == 0:
             return self.input_path().to_control()
@@ -342,7 +344,8 @@ class StateSpace(Locked):
         Raises:
             SysidError: The system is continuous or has no sampling interval.
         """
-        import control
+        with optional("control"):
+            import control
 
         if not isinstance(system, control.LTI):
             raise SysidError(f"expected a python-control system, got {type(system).__name__}")

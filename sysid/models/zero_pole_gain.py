@@ -14,6 +14,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, lock, real_array
 from sysid.records.errors import SysidError
+from sysid.records.optional import optional
 
 if TYPE_CHECKING:
     import control
@@ -62,13 +63,15 @@ class ZeroPoleGain(Locked):
 
     def to_control(self) -> "control.TransferFunction":
         """As a python-control transfer function."""
-        import control
+        with optional("control"):
+            import control
 
         return control.zpk(self.zeros, self.poles, self.gain, dt=self.dt)
 
     def to_state_space(self) -> StateSpace:
         """As a chain of second-order sections, which keeps digits that one polynomial in z would lose."""
-        import control
+        with optional("control"):
+            import control
 
         chain = control.ss([], [], [], [[self.gain]], self.dt)
         for poles, zeros in zip_longest(_pairs(self.poles), _pairs(self.zeros), fillvalue=np.zeros(0)):
@@ -131,7 +134,8 @@ def transfer_function(model: StateSpace | Estimate) -> "control.TransferFunction
     Raises:
         SysidError: Neither a model nor an estimate.
     """
-    import control
+    with optional("control"):
+        import control
 
     model = as_model(model)
     model = model if model.nu else model.input_path()

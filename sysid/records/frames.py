@@ -10,6 +10,7 @@ import numpy as np
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.importers import Choice, records_of
+from sysid.records.optional import optional
 
 if TYPE_CHECKING:
     import pandas
@@ -40,8 +41,9 @@ def from_dataframe(
     Raises:
         SysidError: Another type, and as `read_csv`.
     """
-    import pandas
-    import xarray
+    with optional("files"):
+        import pandas
+        import xarray
 
     if not isinstance(frame, pandas.DataFrame):
         raise SysidError(f"expected a pandas DataFrame, got {type(frame).__name__}")
@@ -88,7 +90,8 @@ def from_xarray(
     Raises:
         SysidError: As `from_dataframe`, and variables of several dimensions.
     """
-    import xarray
+    with optional("files"):
+        import xarray
 
     if not isinstance(dataset, xarray.Dataset):
         raise SysidError(f"expected an xarray Dataset, got {type(dataset).__name__}")

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from sysid.records.optional import optional
 from sysid.records.printing import Part, brief, tables
 
 if TYPE_CHECKING:
@@ -15,7 +16,8 @@ class Labelled:
 
     def to_xarray(self) -> "xarray.Dataset":
         """The arrays with their axes, names and units (attribute `units`)."""
-        import xarray
+        with optional("files"):
+            import xarray
 
         variables, coordinates, attributes = self._variables()
         return xarray.Dataset(variables, coordinates, attributes)

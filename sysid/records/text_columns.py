@@ -11,6 +11,7 @@ import numpy as np
 
 from sysid.records.channels import listed
 from sysid.records.errors import Message, SysidError
+from sysid.records.optional import optional
 from sysid.records.time_stamps import Column, Place, is_time
 
 CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
@@ -34,7 +35,8 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
     Raises:
         SysidError: No text, no data, lines of unequal length, cells that are no numbers.
     """
-    import pandas as pd
+    with optional("files"):
+        import pandas as pd
 
     names, separator, decimal, skipped, encoding = _decoded_layout(file, expected)
     if repeated := [name for name in (*expected, *filter(is_time, names)) if names.count(name) > 1]:
@@ -85,7 +87,8 @@ def _decoded_layout(file: Path, expected: Sequence[str]) -> tuple[list[str], str
 
 def _column(name: str, cells: Any, expected: Sequence[str], place: Place, file: Path) -> Column | None:
     """Numbers, times or, in a column with the name of a time, texts; None of other columns of texts."""
-    import pandas as pd
+    with optional("files"):
+        import pandas as pd
 
     if cells.dtype.kind in "biuf":
         return cells.to_numpy()
