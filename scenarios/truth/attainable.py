@@ -131,10 +131,7 @@ def attainable(
         TwinError: Unknown joint, a log without its arm, or a truth of another arm, other conditions or another pose.
     """
     joint = _joint_to_score(record, joint)
-    if record.unit_pose is not None or (record.status & Status.SHUT_DOWN).any():
-        raise ScenarioError(f"{record.name}: a shutdown, or work in contact, has no linear truth")
-    if not 0 <= window < len(record):
-        raise ScenarioError(f"window = {window} given, expected 0 to {len(record) - 1} samples")
+    _check_scorable(record, window)
     arm = logged_arm(record)
     if truth is None:
         truth = linearize(arm, record.provenance["pose"], amplitudes=())
@@ -151,24 +148,27 @@ def attainable(
     right_order_outputs = [motion.whole(output) for output in right_order_outputs]
     best = _best_linear_simulation(motion, lengths, right_order_outputs)
     predicted = _best_linear_prediction(motion, lengths)
+    # The truth itself is a system of its order; where it fits best, no search may come out worse.
     right_order_floors = [motion.centred_floor(output) for output in (simulation, *right_order_outputs)]
     provenance = {"record": record.name, "seed": str(record.seed), "noise-free angles": motion.origin}
     if steps is not None:
         provenance["steps of each search for the right order"] = str(steps)
+    simulation_floors = Horizon(
+        any_model=motion.floor(motion.expected, variance=motion.mean_variance),
+        best_linear=motion.floor(best),
+        small_signal=motion.centred_floor(simulation),
+    )
+    one_step_floors = Horizon(
+        any_model=motion.floor(motion.noise_free),
+        best_linear=motion.floor(predicted),
+        small_signal=motion.centred_floor(one_step),
+    )
     return Attainable(
         joint=joint,
         samples=len(motion.scored),
         spread=motion.spread,
-        simulation=Horizon(
-            any_model=motion.floor(motion.expected, variance=motion.mean_variance),
-            best_linear=motion.floor(best),
-            small_signal=motion.centred_floor(simulation),
-        ),
-        one_step=Horizon(
-            any_model=motion.floor(motion.noise_free),
-            best_linear=motion.floor(predicted),
-            small_signal=motion.centred_floor(one_step),
-        ),
+        simulation=simulation_floors,
+        one_step=one_step_floors,
         right_order=min(right_order_floors, key=lambda floor: floor.rmse),
         order=order,
         distortion=motion.rms(motion.expected - best),
@@ -281,6 +281,15 @@ def _joint_to_score(record: JointLog, joint: str | None) -> str:
     return joint
 
 
+def _check_scorable(record: JointLog, window: int) -> None:
+    """Refuse a record that has no linear truth, and a window that leaves nothing to score."""
+    # In contact, and after a shutdown, the arm is not the one that was linearised.
+    if record.unit_pose is not None or (record.status & Status.SHUT_DOWN).any():
+        raise ScenarioError(f"{record.name}: a shutdown, or work in contact, has no linear truth")
+    if not 0 <= window < len(record):
+        raise ScenarioError(f"window = {window} given, expected 0 to {len(record) - 1} samples")
+
+
 def _motion(record: JointLog, arm: Arm, truth: Truth, joint: str, window: int) -> _Motion:
     """Take one joint's angles and all commands that move from a record."""
     column = joint_index(joint)
@@ -290,8 +299,10 @@ def _motion(record: JointLog, arm: Arm, truth: Truth, joint: str, window: int) -
     # Servo valves under load stand a little off the commanded pose; the linear model counts from where they stand.
     start = arm.rest(truth.angles).qpos[column]
     # A command that never moves has no lags to fit: its columns would all be the constant.
-    commanded = tuple(name for k, name in enumerate(JOINTS) if name == joint or np.ptp(record.felt[:, k]) > 0.0)
+    moves = np.ptp(record.felt, axis=0) > 0.0
+    commanded = tuple(name for name, moving in zip(JOINTS, moves, strict=True) if moving or name == joint)
     columns = [joint_index(name) for name in commanded]
+    commands = record.commanded[:, columns] - truth.angles[columns]
     return _Motion(
         commanded=commanded,
         measured=measured,
@@ -300,7 +311,7 @@ def _motion(record: JointLog, arm: Arm, truth: Truth, joint: str, window: int) -
         mean_variance=variance[window:, column].mean(),
         origin=origin,
         start=start,
-        offsets=IOData(record.commanded[:, columns] - truth.angles[columns], measured - start, record.dt),
+        offsets=IOData(commands, measured - start, record.dt),
         window=window,
     )
 

@@ -219,9 +219,9 @@ def approximated(
     first, multisines = experiments[0], experiments[0].multisines
     columns = _columns(first.axes)
     servo_records = [_record(first, measured, log, log.commanded[:, columns]) for log in logs]
-    chain_records = [
-        _record(first, measured, log, experiment.offsets()) for log, experiment in zip(logs, experiments, strict=True)
-    ]
+    chain_records = []
+    for log, experiment in zip(logs, experiments, strict=True):
+        chain_records.append(_record(first, measured, log, experiment.offsets()))
     with warnings.catch_warnings():
         # Noise of the wires makes the commands of two periods differ; the record holds them, so they are known.
         warnings.filterwarnings("ignore", message=".* is not periodic with", category=SysidWarning)
@@ -233,8 +233,12 @@ def approximated(
         silent = silent_lines(steady, servo, multisines.samples, multisines.band)
     variances = [record.u.var(axis=0) for record in steady]
     # What comes before the steady periods is no part of the approximation.
-    status = np.concatenate([log.status[len(log) - len(record) :] for log, record in zip(logs, steady, strict=True)])
+    steady_status = []
+    for log, record in zip(logs, steady, strict=True):
+        steady_status.append(log.status[len(log) - len(record) :])
+    status = np.concatenate(steady_status)
     at_limit = status & (Status.JOINT_LIMITED | Status.CONVERTER_SATURATED)
+    class_of_excitation = {f"multisines_{name}": str(value) for name, value in vars(multisines).items()}
     return BestLinearTruth(
         experiment=first,
         measured=tuple(measured),
@@ -248,7 +252,7 @@ def approximated(
         provenance={
             "method": "robust method, random-phase multisines",
             **origin,
-            **{f"multisines_{name}": str(value) for name, value in vars(multisines).items()},
+            **class_of_excitation,
             **logs[0].provenance,
             **versions(),
         },
@@ -262,7 +266,8 @@ def _columns(joints: Sequence[str]) -> list[int]:
 
 def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, inputs: FloatArray) -> IOData:
     """Pair inputs (N, n_axes), rad, with the measured angles of a log; the window holds what is not steady yet."""
-    multisines = first.multisines
+    # The first periods hold the transient from rest.
+    window = first.multisines.settling * first.multisines.samples
     return IOData(
         inputs,
         log.measured[:, _columns(measured)],
@@ -271,7 +276,7 @@ def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, 
         output_names=tuple(f"{name} measured" for name in measured),
         input_units=("rad",) * len(first.axes),
         output_units=("rad",) * len(measured),
-        window=multisines.settling * multisines.samples,
+        window=window,
     )
 
 

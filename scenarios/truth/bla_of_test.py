@@ -73,11 +73,9 @@ class BestLinearOfTest:
     @property
     def described(self) -> str:
         """The class of excitation in words."""
-        return (
-            f"random-phase multisine of {self.realisations} realisations, equal lines from {self.f_min:.2g} to "
-            f"{self.f_max:.2g} Hz, command of {1000 * self.command_rms:.1f} mrad rms as logged (test: "
-            f"{1000 * self.wanted_rms:.1f})"
-        )
+        lines = f"equal lines from {self.f_min:.2g} to {self.f_max:.2g} Hz"
+        strength = f"{1000 * self.command_rms:.1f} mrad rms as logged (test: {1000 * self.wanted_rms:.1f})"
+        return f"random-phase multisine of {self.realisations} realisations, {lines}, command of {strength}"
 
 
 def best_linear_of_test(
@@ -153,7 +151,7 @@ def multisine_like(
     target = Multisines(rms=wanted_rms, f_max=f_max, realisations=realisations, seed=seed)
     # An amplitude far below the limits comes out as it went in: slope one on logarithmic scales.
     rms, slope = wanted_rms, 1.0
-    points: list[tuple[float, float]] = []
+    previous: tuple[float, float] | None = None
     for _ in range(ROUNDS):
         current = replace(target, rms=rms)
         peak = max(float(np.abs(current.offsets(r)).max()) for r in range(realisations))
@@ -162,11 +160,16 @@ def multisine_like(
             rms, current = largest, replace(target, rms=largest)
         steady_from = current.settling * current.samples
         command_rms = _rms([joint_command(played)[steady_from:] for played in multisine_experiments(base, current)])
-        if abs(command_rms / wanted_rms - 1.0) < CLOSE or (rms == largest and command_rms < wanted_rms):
+        close_enough = abs(command_rms / wanted_rms - 1.0) < CLOSE
+        # The converter clips before the command is strong enough: nothing larger can be played.
+        at_the_end = rms == largest and command_rms < wanted_rms
+        if close_enough or at_the_end:
             break
-        points.append((float(np.log(rms)), float(np.log(command_rms))))
-        if len(points) > 1 and points[-1][0] != points[-2][0]:
-            slope = (points[-1][1] - points[-2][1]) / (points[-1][0] - points[-2][0])
+        point = float(np.log(rms)), float(np.log(command_rms))
+        # The converter's range may give the same amplitude twice, which has no secant.
+        if previous is not None and point[0] != previous[0]:
+            slope = (point[1] - previous[1]) / (point[0] - previous[0])
+        previous = point
         # A command held at its velocity limit hardly grows any more: a flat slope would throw the next amplitude away.
         rms *= float((wanted_rms / command_rms) ** (1.0 / max(slope, FLATTEST)))
     return base, current, wanted_rms

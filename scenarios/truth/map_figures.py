@@ -18,7 +18,7 @@ from hmtb_twin.files.atomic_write import write_whole
 from scenarios.experiments.preview_figure import COLOURS, LINES
 from scenarios.report.figure_style import dress, short
 from scenarios.report.figures import SETTINGS, save_figure, svg
-from scenarios.truth.map_findings import STUDIED, TOLERANCE, findings
+from scenarios.truth.map_findings import CONDITIONS, STUDIED, TOLERANCE, findings
 from scenarios.truth.map_table import MOVING, UNITS, MapTable
 from scenarios.truth.maps import PLANE, Maps
 from scenarios.truth.truth_summary import conditions_in_words
@@ -43,7 +43,9 @@ def map_figures(maps: Maps) -> dict[str, Figure]:
         Figures by name; the template of the page says what each shows.
     """
     departures = conditions_in_words(maps.arm, departures=True)
-    arm = f"arm {maps.truth.variant}, payload {maps.truth.payload}" + (f", {departures}" if departures else "")
+    arm = f"arm {maps.truth.variant}, payload {maps.truth.payload}"
+    if departures:
+        arm += f", {departures}"
     figures = {
         "workspace": _workspace(maps, f"Over the workspace: {arm}"),
         "cuts": _cuts(maps, f"One joint turns, the others stay: {arm}"),
@@ -57,6 +59,7 @@ def map_figures(maps: Maps) -> dict[str, Figure]:
 
 
 def _panels(title: str, rows: int, columns: int, height: float, width: float = WIDTH) -> tuple[Figure, np.ndarray]:
+    """Begin a figure of several panels, inch."""
     figure = Figure(figsize=(width, height), layout="constrained")
     figure.suptitle(title, x=0.01, ha="left", fontsize=11, color=INK)
     return figure, figure.subplots(rows, columns, squeeze=False)
@@ -71,10 +74,10 @@ def _curves(
     style: Mapping[str, Any] = MappingProxyType({}),
 ) -> None:
     """Draw a curve in the style of its joint; `ends` are those of its intervals (n, 2)."""
-    number = MOVING.index(joint)
-    look = {"color": COLOURS[number], "ls": LINES[number], "marker": MARKERS[number], "ms": 4, "lw": 1.4}
+    k = MOVING.index(joint)
+    of_joint = {"color": COLOURS[k], "ls": LINES[k], "marker": MARKERS[k], "ms": 4, "lw": 1.4}
     reach = None if ends is None else np.abs(np.transpose(ends) - y)
-    axes.errorbar(x, y, reach, label=short(joint), capsize=2, elinewidth=0.9, **{**look, **style})
+    axes.errorbar(x, y, reach, label=short(joint), capsize=2, elinewidth=0.9, **{**of_joint, **style})
 
 
 def _changes(axes: Axes, maps: Maps, rows: MapTable, style: Mapping[str, Any]) -> None:
@@ -99,10 +102,15 @@ def _dressed(figure: Figure) -> Figure:
 
 def _image(axes: Axes, over: tuple[np.ndarray, np.ndarray], values: np.ndarray, label: str, title: str) -> None:
     """Draw values (a, b) over x (a,) and y (b,); changes with colours about zero and contours at the tolerance."""
-    widest = float(np.nanmax(np.abs(values)))
-    colours, norm = ("PuOr_r", TwoSlopeNorm(0.0, -widest, widest)) if label == CHANGE else ("cividis", None)
+    colours, norm = "cividis", None
+    if label == CHANGE:
+        # White is no change, and equal changes up and down are equally dark.
+        largest = float(np.nanmax(np.abs(values)))
+        colours, norm = "PuOr_r", TwoSlopeNorm(0.0, -largest, largest)
+    # Rasterized: each cell as a path of its own would make the file many times larger.
     mesh = axes.pcolormesh(*over, values.T, cmap=colours, norm=norm, shading="nearest", rasterized=True)
     axes.figure.colorbar(mesh, ax=axes, label=label, pad=0.02)
+    # Contours outside the values would draw nothing but a warning.
     bounds = [level for level in LEVELS if np.nanmin(values) < level < np.nanmax(values)]
     if bounds and norm is not None:
         lines = axes.contour(*over, values.T, bounds, colors=PALETTE["truth"].colour, linewidths=1.0)
@@ -112,22 +120,22 @@ def _image(axes: Axes, over: tuple[np.ndarray, np.ndarray], values: np.ndarray, 
 
 
 def _workspace(maps: Maps, title: str) -> Figure:
+    """Draw bandwidths, damping and coupling of the studied joints over shoulder and elbow pitch."""
     rows, columns = maps.table.rows("workspace"), [JOINTS.index(joint) for joint in PLANE]
     x, y = (np.unique(np.degrees(rows.angles[:, column])) for column in columns)
     figure, grid = _panels(title, 2, 3, 6.4)
     change = 100.0 * maps.change(rows)
     cross = 100.0 * rows.cross[:, STUDIED][:, :, STUDIED].max(axis=(1, 2))
-    panels = [
-        (f"{short(joint)}: {maps.here.of(joint)[0]:.3f} Hz here", change[:, k], CHANGE)
-        for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True)
-    ]
-    panels += [
-        ("smallest damping ratio", rows.damping[:, STUDIED].min(axis=1), "damping ratio"),
-        ("largest cross gain up to 5 Hz", cross, "gain / %"),
-        ("relative gain at the bandwidth", rows.interaction[:, STUDIED].max(axis=1), "distance from one"),
-    ]
+    panels = []
+    for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True):
+        panels.append((f"{short(joint)}: {maps.here.of(joint)[0]:.3f} Hz here", change[:, k], CHANGE))
+    panels.append(("smallest damping ratio", rows.damping[:, STUDIED].min(axis=1), "damping ratio"))
+    panels.append(("largest cross gain up to 5 Hz", cross, "gain / %"))
+    interaction = rows.interaction[:, STUDIED].max(axis=1)
+    panels.append(("relative gain at the bandwidth", interaction, "distance from one"))
     for axes, (heading, values, label) in zip(grid.flat, panels, strict=True):
         _image(axes, (x, y), values.reshape(len(x), len(y)), label, heading)
+        # A white ring on a black one shows on every colour of the map.
         for colour, width in (("black", 2.6), ("white", 1.2)):
             axes.plot(*np.degrees(maps.truth.angles[columns]), "o", ms=8, mfc="none", mec=colour, mew=width)
         axes.set(xlabel=f"{short(PLANE[0])} / deg", ylabel=f"{short(PLANE[1])} / deg")
@@ -135,16 +143,19 @@ def _workspace(maps: Maps, title: str) -> Figure:
 
 
 def _cuts(maps: Maps, title: str) -> Figure:
+    """Draw the changes of the studied bandwidths while one joint turns, a panel for each joint."""
     figure, grid = _panels(title, 2, 3, 5.6)
     for axes, joint in zip(grid.flat, MOVING, strict=True):
+        # Poses are so close that markers would hide the line styles.
         _changes(axes, maps, maps.table.rows(joint), {"marker": ""})
-        here = float(np.degrees(maps.truth.angles[JOINTS.index(joint)]))
-        axes.axvline(here, color=BOUND.colour, ls=":", lw=1.0)
+        operating_angle = float(np.degrees(maps.truth.angles[JOINTS.index(joint)]))
+        axes.axvline(operating_angle, color=BOUND.colour, ls=":", lw=1.0)
         axes.set_xlabel(f"{short(joint)} / deg")
     return _dressed(figure)
 
 
 def _locality(maps: Maps, title: str) -> Figure:
+    """Draw the changes near the operating pose over distance, and the distribution of bandwidths over all poses."""
     figure, ((left, right),) = _panels(title, 1, 2, 4.2)
     _changes(left, maps, maps.table.rows("near"), {"ls": "", "ms": 3, "alpha": 0.7, "rasterized": True})
     for joint in STUDIED_JOINTS:
@@ -157,37 +168,43 @@ def _locality(maps: Maps, title: str) -> Figure:
 
 
 def _coupling(maps: Maps, title: str) -> Figure:
+    """Draw the cross gains of all pairs of joints, at the operating pose and over random poses."""
     figure, grid = _panels(title, 1, 2, 5.0)
-    places, names = np.arange(len(MOVING)), [short(joint) for joint in MOVING]
+    positions, names = np.arange(len(MOVING)), [short(joint) for joint in MOVING]
     often = np.nanquantile(maps.table.rows("anywhere").cross, 0.95, axis=0)
     headings = ("at the operating pose", "at 95 % of random poses")
     for axes, cross, heading in zip(grid.flat, (maps.here.cross[0], often), headings, strict=True):
         values = 100.0 * np.where(np.eye(len(MOVING), dtype=bool), np.nan, cross).T
-        _image(axes, (places, places), values, "largest gain up to 5 Hz / %", heading)
+        _image(axes, (positions, positions), values, "largest gain up to 5 Hz / %", heading)
         for i, j in np.argwhere(np.isfinite(values)):
+            # The lower half of the scale of colours is dark.
             ink = "white" if values[i, j] < 0.55 * np.nanmax(values) else "black"
             axes.text(i, j, f"{values[i, j]:.1f}", ha="center", va="center", fontsize=8, color=ink)
         axes.set(xlabel="commanded", ylabel="moved", ylim=(len(MOVING) - 0.5, -0.5))
-        axes.set_xticks(places, [name.replace(" ", "\n") for name in names])
-        axes.set_yticks(places, names)
+        axes.set_xticks(positions, [name.replace(" ", "\n") for name in names])
+        axes.set_yticks(positions, names)
     return figure
 
 
 def _conditions(maps: Maps, title: str) -> Figure:
-    names = [name for name in ("payload", "supply pressure", "oil temperature") if name in maps.table.varied]
-    figure, grid = _panels(title, 1, len(names), 4.4)
-    for axes, name in zip(grid.flat, names, strict=True):
-        rows = maps.table.rows(name)
-        x = np.arange(len(rows), dtype=float) if name == "payload" else rows.value.astype(float)
+    """Draw the bandwidths over payload, supply pressure and oil temperature."""
+    conditions = [condition for condition in CONDITIONS if condition in maps.table.varied]
+    figure, grid = _panels(title, 1, len(conditions), 4.4)
+    for axes, condition in zip(grid.flat, conditions, strict=True):
+        rows = maps.table.rows(condition)
+        # Payloads have names: they stand side by side, lightest first.
+        x = np.arange(len(rows), dtype=float) if condition == "payload" else rows.value.astype(float)
         for joint in MOVING:
             _curves(axes, joint, x, rows.of(joint))
-        axes.set(xlabel=f"{name} / {UNITS[name]}" if name in UNITS else name, ylabel="bandwidth / Hz", ylim=(0.0, None))
-        if name == "payload":
+        label = f"{condition} / {UNITS[condition]}" if condition in UNITS else condition
+        axes.set(xlabel=label, ylabel="bandwidth / Hz", ylim=(0.0, None))
+        if condition == "payload":
             axes.set_xticks(x, rows.value)
     return _dressed(figure)
 
 
 def _amplitude(maps: Maps, title: str) -> Figure:
+    """Draw the best linear approximations over amplitude and, where it was varied, over the level of friction."""
     quantities: dict[str, dict[str, Any]] = {
         "bandwidth": {"ylabel": "bandwidth / Hz", "ylim": (0, None)},
         "stick_bandwidth": {"ylabel": "bandwidth from the stick / Hz", "ylim": (0, None)},
@@ -203,7 +220,8 @@ def _amplitude(maps: Maps, title: str) -> Figure:
             rows = maps.table.rows(varied)
             for joint in STUDIED_JOINTS:
                 # A distortion of zero has no place on a logarithmic axis.
-                values = np.where(rows.of(joint, name) == 0.0, np.nan, rows.of(joint, name))
+                values = rows.of(joint, name)
+                values = np.where(values == 0.0, np.nan, values)
                 ends = rows.of(joint, "interval") if name == "bandwidth" else None
                 _curves(axes, joint, rows.value.astype(float), values, ends)
                 if name.endswith("bandwidth"):
@@ -229,16 +247,22 @@ def write_maps(maps: Maps, folder: Path) -> tuple[Path, ...]:
     with matplotlib.rc_context(SETTINGS):
         for name, figure in figures.items():
             save_figure(figure, folder / f"{name}.svg")
-    page = Environment(loader=PackageLoader("scenarios"), autoescape=True).get_template("maps.html.j2")
-    text = page.render(
+
+    def drawing(name: str, caption: Markup) -> Markup:
+        """Draw a figure into the page; the caption, one line of plain characters, describes it to who cannot see it."""
+        return Markup(svg(figures[name], " ".join(caption.unescape().split()), name))
+
+    template = Environment(loader=PackageLoader("scenarios"), autoescape=True).get_template("maps.html.j2")
+    page = template.render(
         title=f"Maps of the arm {maps.truth.variant} with payload {maps.truth.payload}",
         truth=maps.truth,
         conditions=conditions_in_words(maps.arm),
         findings=findings(maps),
         tolerance=f"{100 * TOLERANCE:.0f} %",
         figures=figures,
-        svg=lambda name, caption: Markup(svg(figures[name], " ".join(caption.unescape().split()), name)),
+        svg=drawing,
     )
     write_whole(folder / "maps.csv", maps.table.text())
-    write_whole(folder / "maps.html", text)
-    return (folder / "maps.html", *(folder / f"{name}.svg" for name in figures), folder / "maps.csv")
+    write_whole(folder / "maps.html", page)
+    drawings = [folder / f"{name}.svg" for name in figures]
+    return (folder / "maps.html", *drawings, folder / "maps.csv")

@@ -15,6 +15,9 @@ PERCENT = f"{100 * TOLERANCE:.0f} %"
 SLIGHT = 0.01
 """A condition that changes no bandwidth by more than this part gets no numbers of single joints."""
 
+CONDITIONS = ("payload", "supply pressure", "oil temperature")
+"""What varies at the operating pose, small signals."""
+
 STUDIED = [MOVING.index(name) for name in STUDIED_JOINTS]
 """Columns of the studied joints among the moving ones."""
 
@@ -22,17 +25,24 @@ STUDIED = [MOVING.index(name) for name in STUDIED_JOINTS]
 def findings(maps: Maps) -> tuple[str, ...]:
     """Return a sentence or two for each question that the maps answer."""
     table = maps.table
-    conditions = [name for name in ("payload", "supply pressure", "oil temperature") if name in table.varied]
-    return (
-        _neighbourhood(maps, table.rows("near")),
+    near, anywhere = table.rows("near"), table.rows("anywhere")
+    all_poses = table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)
+    sentences = [
+        _neighbourhood(maps, near),
         _one_joint(maps),
-        _everywhere(maps, table.rows("anywhere")),
-        _stability(table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)),
-        _coupling(maps, table.rows("anywhere")),
-        *(_condition(maps, table.rows(name)) for name in conditions),
-        *([_amplitude(maps, table.rows("amplitude"))] if "amplitude" in table.varied else []),
-        *([_friction(table.rows("friction"))] if "friction" in table.varied else []),
-    )
+        _everywhere(maps, anywhere),
+        _stability(all_poses),
+        _coupling(maps, anywhere),
+    ]
+    # Electric drives have no oil; the large signals are left out on demand, dry friction where the arm has none.
+    for condition in CONDITIONS:
+        if condition in table.varied:
+            sentences.append(_condition(maps, table.rows(condition)))
+    if "amplitude" in table.varied:
+        sentences.append(_amplitude(maps, table.rows("amplitude")))
+    if "friction" in table.varied:
+        sentences.append(_friction(table.rows("friction")))
+    return tuple(sentences)
 
 
 def turns_within(maps: Maps, joint: str) -> tuple[float, float]:
@@ -48,22 +58,29 @@ def turns_within(maps: Maps, joint: str) -> tuple[float, float]:
     """
     rows = maps.table.rows(joint)
     turns = rows.value.astype(float) - np.degrees(maps.truth.angles[JOINTS.index(joint)])
-    worst = np.abs(maps.change(rows)[:, STUDIED]).max(axis=1)
+    largest_changes = np.abs(maps.change(rows)[:, STUDIED]).max(axis=1)
+    down, up = np.flatnonzero(turns < 0.0)[::-1], np.flatnonzero(turns > 0.0)
+    return _first_beyond(-turns[down], largest_changes[down]), _first_beyond(turns[up], largest_changes[up])
 
-    def first_beyond(way: float) -> float:
-        on_way = np.flatnonzero(way * turns > 0.0)[:: int(way)]
-        # At the operating pose itself nothing has changed.
-        away, changes = (np.concatenate([[0.0], part[on_way]]) for part in (way * turns, worst))
-        beyond = np.flatnonzero(~(changes <= TOLERANCE))
-        if not len(beyond):
-            return float("inf")
-        k = beyond[0]
-        if not np.isfinite(changes[k]):
-            return float(away[k - 1])
-        part = (TOLERANCE - changes[k - 1]) / (changes[k] - changes[k - 1])
-        return float(away[k - 1] + part * (away[k] - away[k - 1]))
 
-    return first_beyond(-1.0), first_beyond(1.0)
+def _first_beyond(turns: np.ndarray, changes: np.ndarray) -> float:
+    """Return the turn at which a change first leaves the tolerance, deg; see `turns_within`.
+
+    Args:
+        turns: Rising turns in one direction (n,), deg, > 0.
+        changes: Largest relative change of a studied bandwidth at these (n,).
+    """
+    # At the operating pose itself nothing has changed.
+    turns, changes = np.concatenate([[0.0], turns]), np.concatenate([[0.0], changes])
+    # Written so that NaN, a pose without a bandwidth, counts as beyond.
+    beyond = np.flatnonzero(~(changes <= TOLERANCE))
+    if not len(beyond):
+        return float("inf")
+    k = beyond[0]
+    if not np.isfinite(changes[k]):
+        return float(turns[k - 1])
+    fraction = (TOLERANCE - changes[k - 1]) / (changes[k] - changes[k - 1])
+    return float(turns[k - 1] + fraction * (turns[k] - turns[k - 1]))
 
 
 def linear_range(amplitudes: np.ndarray, bandwidths: np.ndarray, hz: float) -> tuple[float, float] | None:
@@ -77,6 +94,7 @@ def linear_range(amplitudes: np.ndarray, bandwidths: np.ndarray, hz: float) -> t
     Returns:
         Smallest and largest amplitude of the longest run of such points, rad; None where there is none.
     """
+    # A point that does not count at either end, so that every run of points within begins and ends.
     within = np.concatenate([[False], np.abs(bandwidths / hz - 1.0) <= TOLERANCE, [False]])
     starts, ends = np.flatnonzero(np.diff(within)).reshape(-1, 2).T
     if not len(starts):
@@ -86,6 +104,8 @@ def linear_range(amplitudes: np.ndarray, bandwidths: np.ndarray, hz: float) -> t
 
 
 def _neighbourhood(maps: Maps, near: MapTable) -> str:
+    """How far all joints may turn at once before a studied bandwidth changes."""
+    # Written so that NaN, a pose without a bandwidth, counts as outside.
     outside = ~(np.abs(maps.change(near)[:, STUDIED]).max(axis=1) <= TOLERANCE)
     turns = near.value.astype(float)
     first = turns[outside].min(initial=np.inf)
@@ -100,36 +120,44 @@ def _neighbourhood(maps: Maps, near: MapTable) -> str:
 
 
 def _one_joint(maps: Maps) -> str:
-    limits = {joint: zip(turns_within(maps, joint), ("down", "up"), strict=True) for joint in MOVING}
-    ways = {joint: [f"{turn:.0f}° {way}" for turn, way in ends if np.isfinite(turn)] for joint, ends in limits.items()}
-    limited = [f"{short(joint)} {' or '.join(texts)}" for joint, texts in ways.items() if texts]
-    free = [short(joint) for joint, texts in ways.items() if not texts]
+    """How far each joint may turn alone."""
+    limited, free = [], []
+    for joint in MOVING:
+        turns = zip(turns_within(maps, joint), ("down", "up"), strict=True)
+        limits = [f"{turn:.0f}° {direction}" for turn, direction in turns if np.isfinite(turn)]
+        if limits:
+            limited.append(f"{short(joint)} {' or '.join(limits)}")
+        else:
+            free.append(short(joint))
     if not limited:
         return f"One joint alone, anywhere in its range, changes no studied bandwidth by more than {PERCENT}."
-    text = f"One joint alone takes a studied bandwidth beyond {PERCENT} when it turns: {', '.join(limited)}"
-    return f"{text}; free in the whole range: {', '.join(free)}." if free else f"{text}."
+    sentence = f"One joint alone takes a studied bandwidth beyond {PERCENT} when it turns: {', '.join(limited)}"
+    if not free:
+        return f"{sentence}."
+    return f"{sentence}; free in the whole range: {', '.join(free)}."
 
 
 def _everywhere(maps: Maps, anywhere: MapTable) -> str:
+    """How the studied bandwidths spread over the whole joint space."""
     within = np.abs(maps.change(anywhere)) <= TOLERANCE
-    parts = []
+    ranges = []
     for joint, k in zip(STUDIED_JOINTS, STUDIED, strict=True):
         low, high = np.nanquantile(anywhere.of(joint), [0.05, 0.95])
-        parts.append(
-            f"{short(joint)} {low:.2f} to {high:.2f} Hz ({100 * within[:, k].mean():.0f} % of poses within {PERCENT} "
-            f"of its {maps.here.of(joint)[0]:.3f} Hz)"
-        )
+        share, hz = 100 * within[:, k].mean(), maps.here.of(joint)[0]
+        similar = f"{share:.0f} % of poses within {PERCENT} of its {hz:.3f} Hz"
+        ranges.append(f"{short(joint)} {low:.2f} to {high:.2f} Hz ({similar})")
     heavy = 1.0 - float(anywhere.held.mean())
     gaps = f"; at {100 * heavy:.1f} % of poses the drives cannot hold the arm" if heavy else ""
-    return f"Anywhere, 90 % of {len(anywhere)} random poses: {', '.join(parts)}{gaps}."
+    return f"Anywhere, 90 % of {len(anywhere)} random poses: {', '.join(ranges)}{gaps}."
 
 
 def _stability(poses: MapTable) -> str:
+    """Whether the drives hold the arm, whether it is stable, and how well damped it is, at all poses."""
     damping = float(np.nanmin(poses.damping[:, STUDIED], initial=1.0))
     gain = float(np.abs(poses.gain[poses.stable] - 1.0).max(initial=0.0))
     heavy, unstable = int((~poses.held).sum()), int((poses.held & ~poses.stable).sum())
     poles = "the dominant poles stay real" if damping >= 1.0 else f"damping ratios go down to {damping:.2f}"
-    stable = "the arm is stable" + (f" but for {unstable} of them" if unstable else "")
+    stable = f"the arm is stable but for {unstable} of them" if unstable else "the arm is stable"
     where = f"At all {len(poses)} poses"
     if heavy:
         share = 100 * heavy / len(poses)
@@ -138,79 +166,101 @@ def _stability(poses: MapTable) -> str:
 
 
 def _coupling(maps: Maps, anywhere: MapTable) -> str:
-    studied = np.ix_(STUDIED, STUDIED)
+    """How much a command to one joint moves another, and whether that matters for bandwidths."""
     cross = maps.here.cross[0]
-    i, j = np.unravel_index(np.argmax(cross), cross.shape)
-    k, m = np.unravel_index(np.argmax(cross[studied]), (len(STUDIED), len(STUDIED)))
-    often = np.nanquantile(anywhere.cross[:, studied[0], studied[1]].max(axis=(1, 2)), 0.95)
+    moved, commanded = np.unravel_index(np.argmax(cross), cross.shape)
+    studied = cross[np.ix_(STUDIED, STUDIED)]
+    studied_moved, studied_commanded = np.unravel_index(np.argmax(studied), studied.shape)
+    pair = f"{short(STUDIED_JOINTS[studied_commanded])} to {short(STUDIED_JOINTS[studied_moved])}"
+    often = np.nanquantile(anywhere.cross[:, STUDIED][:, :, STUDIED].max(axis=(1, 2)), 0.95)
+    # Poses that the drives cannot hold have no gains; the nan functions leave them out.
+    interaction_here = np.nanmax(maps.here.interaction[:, STUDIED])
     largest = float(np.nanmax(anywhere.interaction[:, STUDIED]))
     alone = ": for a bandwidth, joints may be identified one by one" if largest <= TOLERANCE else ""
+    gain = 100 * cross[moved, commanded]
     return (
-        f"Coupling up to 5 Hz: at the pose a command to the {short(MOVING[j])} moves the {short(MOVING[i])} by up to "
-        f"{100 * cross[i, j]:.0f} % of itself, the largest of all pairs; between the studied joints it is "
-        f"{100 * cross[studied][k, m]:.0f} % at the pose ({short(STUDIED_JOINTS[m])} to {short(STUDIED_JOINTS[k])}) "
-        f"and below {100 * often:.0f} % at 95 % of all poses. At a joint's own bandwidth the relative gain differs "
-        f"from one by at most {np.nanmax(maps.here.interaction[:, STUDIED]):.2g} at the pose and "
-        f"{largest:.2g} anywhere{alone}."
+        f"Coupling up to 5 Hz: at the pose a command to the {short(MOVING[commanded])} moves the "
+        f"{short(MOVING[moved])} by up to {gain:.0f} % of itself, the largest of all pairs; "
+        f"between the studied joints it is {100 * studied.max():.0f} % at the pose ({pair}) and below "
+        f"{100 * often:.0f} % at 95 % of all poses. At a joint's own bandwidth the relative gain differs from one by "
+        f"at most {interaction_here:.2g} at the pose and {largest:.2g} anywhere{alone}."
     )
 
 
 def _condition(maps: Maps, rows: MapTable) -> str:
+    """How the bandwidths change with payload, supply pressure or oil temperature."""
     name = str(rows.varied[0])
     unit = f" {UNITS[name]}" if name in UNITS else ""
-    values = np.array([value if isinstance(value, str) else f"{value:g}" for value in rows.value])
+    values = np.array([_value_in_words(value) for value in rows.value])
     works = rows.stable & np.isfinite(rows.bandwidth).all(axis=1)
     if not works.any():
         return f"{name.capitalize()}: the arm stands at none of the values."
     gaps = ""
-    for missing, why in ((~rows.held, "the drives cannot hold the arm"), (rows.held & ~works, "the arm is unstable")):
+    reasons = ((~rows.held, "the drives cannot hold the arm"), (rows.held & ~works, "the arm is unstable"))
+    for missing, reason in reasons:
         if missing.any():
-            gaps += f" At {', '.join(value + unit for value in values[missing])} {why}."
+            gap_values = ", ".join(value + unit for value in values[missing])
+            gaps += f" At {gap_values} {reason}."
     span = f"{name.capitalize()} from {values[works][0]} to {values[works][-1]}{unit}"
     hz = rows.bandwidth[works]
     changes = np.ptp(hz, axis=0) / maps.here.bandwidth[0]
     k = int(np.argmax(changes))
     if changes[k] < SLIGHT:
         return f"{span}: no bandwidth changes by more than {100 * changes[k]:.1f} %.{gaps}"
-    return (
-        f"{span}: studied bandwidths change by up to {100 * changes[STUDIED].max():.1f} %; of all joints the "
-        f"{short(MOVING[k])}'s changes most, from {hz[0, k]:.2f} to {hz[-1, k]:.2f} Hz.{gaps}"
-    )
+    studied_change = 100 * changes[STUDIED].max()
+    largest_change = f"the {short(MOVING[k])}'s changes most, from {hz[0, k]:.2f} to {hz[-1, k]:.2f} Hz"
+    return f"{span}: studied bandwidths change by up to {studied_change:.1f} %; of all joints {largest_change}.{gaps}"
+
+
+def _value_in_words(value: float | str) -> str:
+    """Return the name of a payload, or a number."""
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _amplitude(maps: Maps, rows: MapTable) -> str:
-    amplitudes, parts = rows.value.astype(float), []
+    """Between which amplitudes the arm is linear, and what ends that range on either side."""
+    amplitudes = rows.value.astype(float)
+    ranges = []
     for joint in STUDIED_JOINTS:
         ends = linear_range(amplitudes, rows.of(joint), float(maps.here.of(joint)[0]))
         span = "nowhere" if ends is None else f"from {ends[0]:g} to {ends[1]:g} rad"
-        parts.append(f"{short(joint)} {span}")
-    first, last = STUDIED_JOINTS[0], STUDIED_JOINTS[-1]
+        ranges.append(f"{short(joint)} {span}")
+    smallest, largest = f"{amplitudes[0]:g}", f"{amplitudes[-1]:g} rad"
+    # Friction affects the yaw most.
+    sticking, limited = STUDIED_JOINTS[0], STUDIED_JOINTS[-1]
+    gain, distortion = 100 * rows.of(sticking, "gain")[0], rows.of(sticking, "distortion")[0]
+    slewing, stick_hz = 100 * rows.of(limited, "slewing")[-1], rows.of(limited, "stick_bandwidth")[-1]
     return (
-        f"Amplitude (root mean square, {amplitudes[0]:g} to {amplitudes[-1]:g} rad): the bandwidth from commanded to "
-        f"measured angle is within {PERCENT} of the small-signal one: {', '.join(parts)}. At {amplitudes[0]:g} rad the "
-        f"{short(first)} follows {100 * rows.of(first, 'gain')[0]:.0f} % of a slow command with "
-        f"{rows.of(first, 'distortion')[0]:.0f} % distortion. At {amplitudes[-1]:g} rad commands move at the velocity "
-        f"limit {100 * rows.of(last, 'slewing')[-1]:.0f} % of the time: from the stick, the bandwidth of the "
-        f"{short(last)} is {_hz(rows.of(last, 'stick_bandwidth')[-1])}."
+        f"Amplitude (root mean square, {smallest} to {largest}): the bandwidth from commanded to measured angle is "
+        f"within {PERCENT} of the small-signal one: {', '.join(ranges)}. At {smallest} rad the {short(sticking)} "
+        f"follows {gain:.0f} % of a slow command with {distortion:.0f} % distortion. At {largest} commands move at "
+        f"the velocity limit {slewing:.0f} % of the time: from the stick, the bandwidth of the {short(limited)} is "
+        f"{_hz(stick_hz)}."
     )
 
 
 def _friction(rows: MapTable) -> str:
-    parts = []
+    """How the studied bandwidths fall from the lowest to the highest level of dry friction."""
+    falls = []
     for joint in STUDIED_JOINTS:
-        ends = []
-        for k in (0, -1):
-            hz = rows.of(joint)[k]
-            low, high = (f"{end:.2f}" for end in rows.of(joint, "interval")[k])
-            # An interval narrower than the rounding of the bandwidth says nothing more.
-            interval = f" ({low} to {high})" if np.isfinite(hz) and low != high else ""
-            ends.append(f"{_hz(hz)}{interval} at {rows.value[k]:g}")
-        parts.append(f"{short(joint)} {', '.join(ends)}")
+        lowest, highest = (_bandwidth_with_interval(rows, joint, k) for k in (0, -1))
+        falls.append(f"{short(joint)} {lowest} at {rows.value[0]:g}, {highest} at {rows.value[-1]:g}")
     return (
-        f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths (95 %) {'; '.join(parts)}. "
+        f"Dry friction in multiples of the arm's, at {LEVEL_AMPLITUDE:g} rad: bandwidths (95 %) {'; '.join(falls)}. "
         "The small-signal truth leaves dry friction out."
     )
 
 
+def _bandwidth_with_interval(rows: MapTable, joint: str, k: int) -> str:
+    """Return a bandwidth in row k with its 95 % interval, in words."""
+    hz = rows.of(joint)[k]
+    low, high = (f"{end:.2f}" for end in rows.of(joint, "interval")[k])
+    # An interval narrower than the rounding of the bandwidth says nothing more.
+    if not np.isfinite(hz) or low == high:
+        return _hz(hz)
+    return f"{_hz(hz)} ({low} to {high})"
+
+
 def _hz(value: float) -> str:
+    """Return a bandwidth in words."""
     return f"{value:.2f} Hz" if np.isfinite(value) else "not visible"

@@ -132,25 +132,34 @@ class MapTable(Locked):
             "distortion_percent": self.distortion,
             "velocity_limited_share": self.slewing,
         }
-
-        def number(value: float) -> str:
-            return f"{value:.6g}" if np.isfinite(value) else ""
-
+        angle_headings = [f"{name}_deg" for name in JOINTS]
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
-        writer.writerow(("varied", "value", "unit", *(f"{name}_deg" for name in JOINTS), "stable", "joint", *columns))
+        writer.writerow(("varied", "value", "unit", *angle_headings, "stable", "joint", *columns))
         for k, varied in enumerate(self.varied):
-            value = self.value[k] if isinstance(self.value[k], str) else number(self.value[k])
-            pose = (f"{angle:.4g}" for angle in np.degrees(self.angles[k]))
+            value = self.value[k]
+            if not isinstance(value, str):
+                value = _cell(value)
+            pose = [f"{angle:.4g}" for angle in np.degrees(self.angles[k])]
             point = (varied, value, UNITS.get(varied, ""), *pose, int(self.stable[k]))
             for i, joint in enumerate(MOVING):
-                writer.writerow((*point, joint, *(number(values[k, i]) for values in columns.values())))
+                quantities = [_cell(values[k, i]) for values in columns.values()]
+                writer.writerow((*point, joint, *quantities))
         return buffer.getvalue()
+
+
+def _cell(value: float) -> str:
+    """Print a number for a cell of the table, which stays empty where there is none."""
+    return f"{value:.6g}" if np.isfinite(value) else ""
 
 
 def table_row(varied: str, value: float | str, angles: np.ndarray, stable: bool, **quantities: np.ndarray) -> MapTable:
     """Return a table of one operating point; quantities that are left out are NaN."""
-    filled = {name: quantities.get(name, np.full(shape, np.nan))[None] for name, shape in SHAPES.items()}
+    filled = {}
+    for name, shape in SHAPES.items():
+        quantity = quantities.get(name, np.full(shape, np.nan))
+        filled[name] = quantity[None]
+    # Numbers and names in one column: without the dtype NumPy would make texts of the numbers.
     values = np.empty(1, dtype=object)
     values[0] = value
     return MapTable(np.array([varied]), values, np.array(angles)[None], np.array([stable]), **filled)
@@ -159,7 +168,10 @@ def table_row(varied: str, value: float | str, angles: np.ndarray, stable: bool,
 def stacked(tables: Iterable[MapTable]) -> MapTable:
     """Join tables one after another."""
     tables = list(tables)
-    return MapTable(**{name: np.concatenate([vars(table)[name] for table in tables]) for name in vars(tables[0])})
+    columns = {}
+    for name in vars(tables[0]):
+        columns[name] = np.concatenate([vars(table)[name] for table in tables])
+    return MapTable(**columns)
 
 
 def linear_row(varied: str, value: float | str, arm: Arm, pose: np.ndarray) -> MapTable:
@@ -178,23 +190,25 @@ def truth_row(varied: str, value: float | str, truth: Truth) -> MapTable:
     """Describe one linear model."""
     model = truth.model
 
-    def moving(frequencies: np.ndarray) -> np.ndarray:
+    def moving_response(frequencies: np.ndarray) -> np.ndarray:
         return np.asarray(model.frequency_response(frequencies)[:, COLUMNS[:, None], COLUMNS])
 
-    frequencies = np.unique(np.concatenate([np.geomspace(0.02, 0.999 * 0.5 / model.dt, 50), [CROSS_BAND]]))
-    response = moving(np.concatenate([[0.0], frequencies]))
+    # Short of the Nyquist frequency, beyond which the response warns.
+    grid = np.geomspace(0.02, 0.999 * 0.5 / model.dt, 50)
+    # The end of the band of cross gains is no point of the grid, and a cross gain may be largest there.
+    frequencies = np.unique(np.concatenate([grid, [CROSS_BAND]]))
+    response = moving_response(np.concatenate([[0.0], frequencies]))
     still, swept = response[0], response[1:]
     gain = np.diagonal(still).real
     z, vectors = np.linalg.eig(model.A)
     stable = bool(np.abs(z).max() < 1.0)
-    bandwidth, relative_gain = np.full(M, np.nan), np.full(M, np.nan, dtype=complex)
+    # The response of an unstable model is defined, but no signal shows it.
+    bandwidth = np.full(M, np.nan)
     if stable:
-        bandwidth = _bandwidth(moving, frequencies, np.abs(np.diagonal(swept, axis1=1, axis2=2)) / gain)
-    known = np.flatnonzero(np.isfinite(bandwidth))
-    if len(known):
-        response, own = moving(bandwidth[known]), (np.arange(len(known)), known, known)
-        relative_gain[known] = response[own] * np.linalg.inv(response)[own]
+        relative = np.abs(np.diagonal(swept, axis1=1, axis2=2)) / gain
+        bandwidth = _bandwidth(moving_response, frequencies, relative)
     cross = np.abs(swept[frequencies <= CROSS_BAND]).max(axis=0) / np.abs(gain)[:, None]
+    cross = np.where(np.eye(M, dtype=bool), 0.0, cross)
     return table_row(
         varied,
         value,
@@ -203,24 +217,45 @@ def truth_row(varied: str, value: float | str, truth: Truth) -> MapTable:
         bandwidth=bandwidth,
         gain=gain,
         damping=_damping(truth, z, vectors, gain),
-        cross=np.where(np.eye(M, dtype=bool), 0.0, cross),
-        relative_gain=relative_gain,
+        cross=cross,
+        relative_gain=_relative_gain(moving_response, bandwidth),
     )
 
 
-def _bandwidth(moving: Callable[[np.ndarray], np.ndarray], frequencies: np.ndarray, relative: np.ndarray) -> np.ndarray:
-    """Narrow, for all joints at once, the interval of the grid in which each gain first falls to half power."""
+def _relative_gain(moving_response: Callable[[np.ndarray], np.ndarray], bandwidth: np.ndarray) -> np.ndarray:
+    """Diagonal of the relative gain array G * (G^-1)' at each joint's own bandwidth (m,) [Bristol1966]."""
+    relative_gain = np.full(M, np.nan, dtype=complex)
+    joints = np.flatnonzero(np.isfinite(bandwidth))
+    # An unstable arm has no bandwidth at all, and no frequency makes no array of matrices to invert.
+    if len(joints):
+        G = moving_response(bandwidth[joints])
+        diagonal = (np.arange(len(joints)), joints, joints)
+        relative_gain[joints] = G[diagonal] * np.linalg.inv(G)[diagonal]
+    return relative_gain
+
+
+def _bandwidth(
+    moving_response: Callable[[np.ndarray], np.ndarray], frequencies: np.ndarray, relative: np.ndarray
+) -> np.ndarray:
+    """Find the half-power frequency of all joints at once by false position (m,), Hz; NaN where a gain stays above.
+
+    Args:
+        moving_response: Response of the moving joints at frequencies (n,), Hz.
+        frequencies: A grid, Hz.
+        relative: Gains on the grid over those at 0 Hz (n, m).
+    """
     joints, target = np.arange(M), np.log(np.sqrt(0.5))
     below = relative < np.sqrt(0.5)
     first = np.argmax(below, axis=0)
+    # Below half power already at the lowest frequency, a gain has no fall between two points of the grid.
     falls = below.any(axis=0) & (first > 0)
     low, high = frequencies[np.maximum(first - 1, 0)], frequencies[first]
     # |G|^2 is close to a straight line in log-log over so short an interval: the secant converges in a few steps.
     at_low, at_high = np.log(relative[first - 1, joints]), np.log(relative[first, joints])
-    still = np.abs(np.diagonal(moving(np.zeros(1))[0]))
+    still = np.abs(np.diagonal(moving_response(np.zeros(1))[0]))
     for _ in range(REFINEMENTS):
         guess = np.exp(np.log(low) + (target - at_low) / (at_high - at_low) * np.log(high / low))
-        at_guess = np.log(np.abs(moving(guess)[joints, joints, joints]) / still)
+        at_guess = np.log(np.abs(moving_response(guess)[joints, joints, joints]) / still)
         below_half = at_guess < target
         low, at_low = np.where(below_half, low, guess), np.where(below_half, at_low, at_guess)
         high, at_high = np.where(below_half, guess, high), np.where(below_half, at_guess, at_high)
@@ -230,15 +265,23 @@ def _bandwidth(moving: Callable[[np.ndarray], np.ndarray], frequencies: np.ndarr
 
 
 def _damping(truth: Truth, z: np.ndarray, vectors: np.ndarray, gain: np.ndarray) -> np.ndarray:
-    """Smallest damping ratio of each joint's slow poles; poles z and eigenvectors are those of the model."""
+    """Smallest damping ratio of each joint's slow poles; poles z and eigenvectors are those of the model.
+
+    With A V = V diag(z), the mode k carries C v_k w_k B / (1 - z_k) of the gain at 0 Hz, w_k the row of V^-1.
+    """
     model = truth.model
     # A pole at z = 0 is a delay of the bus; it has no image in the s plane.
     moving = np.abs(z) > 1e-6
     s = np.zeros(len(z), dtype=complex)
     s[moving] = np.log(z[moving].astype(complex)) / model.dt
     slow = moving & (np.abs(s) < FAST)
+    # V^-1 B by least squares: V may be close to singular (its condition is 2e10 on the flight arm).
     weights = np.linalg.lstsq(vectors, model.B[:, COLUMNS].astype(complex), rcond=None)[0]
-    seen = model.C[COLUMNS] @ vectors
-    share = np.abs(seen[:, slow] * weights[slow].T / (1.0 - z[slow])) / np.abs(gain)[:, None]
-    ratio = np.where(np.abs(s[slow].imag) < 1e-6, 1.0, -s[slow].real / np.abs(s[slow]))
+    outputs = model.C[COLUMNS] @ vectors
+    still_gains = outputs[:, slow] * weights[slow].T / (1.0 - z[slow])
+    share = np.abs(still_gains) / np.abs(gain)[:, None]
+    s = s[slow]
+    # The imaginary part of a real pole is rounding.
+    ratio = np.where(np.abs(s.imag) < 1e-6, 1.0, -s.real / np.abs(s))
+    # A joint whose modes are all fast or faint swings as one with real poles does: not at all.
     return np.where(share > MODE_SHARE, ratio, 1.0).min(axis=1, initial=1.0)

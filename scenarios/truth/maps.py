@@ -1,6 +1,6 @@
 """Maps of the truth: how the dynamics of one arm vary with pose, payload, supply, oil, amplitude and friction."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field, replace
 
@@ -11,7 +11,7 @@ from hmtb_twin.parameters.drives import COLDEST, HOTTEST
 from hmtb_twin.parameters.values import MOTIONS
 from scenarios.experiments.multisines import Multisines
 from scenarios.files.errors import ScenarioError
-from scenarios.truth.best_linear import measured_best_linear, slow_gain
+from scenarios.truth.best_linear import BestLinearTruth, measured_best_linear, slow_gain
 from scenarios.truth.map_table import COLUMNS, MOVING, SHAPES, MapTable, linear_row, stacked, table_row, truth_row
 from scenarios.truth.truth_summary import hydraulic
 from sysid.models.bandwidth import response_bandwidth
@@ -93,6 +93,7 @@ class Density:
         """
         if not 0.05 <= factor <= 20.0:
             raise ScenarioError(f"density of the maps: {factor:g} given, expected 0.05 to 20 times the default grid")
+        # Points of the plane grow with the product of its sides.
         full, side = cls(), np.sqrt(factor)
         counts = {name: max(3, round(getattr(full, name) * factor)) for name in ("cut", "sample", "condition")}
         across, up = (max(3, round(count * side)) for count in full.plane)
@@ -155,15 +156,16 @@ def maps(
     if density.amplitudes and not isinstance(pose, str):
         raise ScenarioError("large-signal maps start from a pose of the model; expected its name, given angles")
     # Noise of the drives changes no path from command to angle, but makes every linearisation slower.
-    quiet = _with(arm, replace(arm.plant, process_noise=0.0))
-    truth = linearize(quiet, pose, amplitudes=())
-    points = [*_poses(quiet, truth.angles, density, seed), *conditions(quiet, truth.angles, density.condition)]
+    noiseless = _with(arm, replace(arm.plant, process_noise=0.0))
+    truth = linearize(noiseless, pose, amplitudes=())
+    points = list(_poses(noiseless, truth.angles, density, seed))
+    points.extend(conditions(noiseless, truth.angles, density.condition))
     rows = [truth_row("operating pose", np.nan, truth)]
     with stage("linear models") as step:
-        for number, point in enumerate(points, 1):
+        for done, point in enumerate(points, 1):
             rows.append(linear_row(*point))
-            if number % 20 == 0 or number == len(points):
-                step(number, len(points))
+            if done % 20 == 0 or done == len(points):
+                step(done, len(points))
     if isinstance(pose, str) and density.amplitudes:
         with stage("amplitude and friction") as step:
             rows.extend(_large_signals(arm, pose, linearize(arm, pose, amplitudes=()), density, threads, step))
@@ -171,41 +173,60 @@ def maps(
 
 
 def _with(arm: Arm, plant: Plant, payload: str | None = None) -> Arm:
+    """Load the same arm, deviations of the specimen included, with another plant or payload."""
     return load_arm(arm.variant, payload or arm.payload, plant=plant, specimen=arm.specimen)
 
 
 def _poses(arm: Arm, angles: np.ndarray, density: Density, seed: int) -> Iterator[Point]:
     """Poses over the workspace, along each joint's range, and at random near the operating pose and anywhere."""
-    low, high = np.array([(MOTIONS[name].lower + INSET, MOTIONS[name].upper - INSET) for name in MOVING]).T
+    low = np.array([MOTIONS[name].lower for name in MOVING]) + INSET
+    high = np.array([MOTIONS[name].upper for name in MOVING]) - INSET
     middle = angles[COLUMNS]
-
-    def pose(columns: np.ndarray | list[int], turns: object) -> np.ndarray:
-        turned = angles.copy()
-        turned[columns] = turns
-        return turned
-
-    first, second = (MOVING.index(name) for name in PLANE)
-    for a in np.linspace(low[first], high[first], density.plane[0]):
-        for b in np.linspace(low[second], high[second], density.plane[1]):
-            yield "workspace", np.nan, arm, pose(COLUMNS[[first, second]], (a, b))
-    for k, name in enumerate(MOVING):
-        for angle in np.linspace(low[k], high[k], density.cut):
-            yield name, float(np.degrees(angle)), arm, pose([COLUMNS[k]], angle)
     if not ((middle >= low) & (middle <= high)).all():
         raise ScenarioError("the operating pose given lies within a degree of the end of a joint's range")
+    first, second = (MOVING.index(name) for name in PLANE)
+    for first_angle in np.linspace(low[first], high[first], density.plane[0]):
+        for second_angle in np.linspace(low[second], high[second], density.plane[1]):
+            pose = _turned(angles, COLUMNS[[first, second]], (first_angle, second_angle))
+            yield "workspace", np.nan, arm, pose
+    for k, name in enumerate(MOVING):
+        for angle in np.linspace(low[k], high[k], density.cut):
+            yield name, float(np.degrees(angle)), arm, _turned(angles, [COLUMNS[k]], angle)
+    # Each sample has a generator of its own, so that a denser one does not change the other.
     rng = np.random.default_rng([seed, 1])
     for width in np.linspace(0.0, REACH, density.sample + 1)[1:]:
-        # On the surface of a box about the operating pose: one joint turns by all of its half-width, the others by
-        # any part, so that distances are spread evenly. Poses out of range are drawn again.
-        while True:
-            offset = rng.uniform(-width, width, len(MOVING))
-            offset[rng.integers(len(MOVING))] = width * rng.choice([-1.0, 1.0])
-            turns = middle + offset
-            if ((turns >= low) & (turns <= high)).all():
-                break
-        yield "near", float(np.degrees(np.abs(turns - middle).max())), arm, pose(COLUMNS, turns)
-    for turns in np.random.default_rng([seed, 0]).uniform(low, high, (density.sample, len(MOVING))):
-        yield "anywhere", float(np.degrees(np.abs(turns - middle).max())), arm, pose(COLUMNS, turns)
+        turned = _on_box(middle, width, low, high, rng)
+        yield "near", _largest_turn(turned, middle), arm, _turned(angles, COLUMNS, turned)
+    for turned in np.random.default_rng([seed, 0]).uniform(low, high, (density.sample, len(MOVING))):
+        yield "anywhere", _largest_turn(turned, middle), arm, _turned(angles, COLUMNS, turned)
+
+
+def _turned(angles: np.ndarray, columns: np.ndarray | list[int], values: object) -> np.ndarray:
+    """Copy a pose (7,), rad, with other angles in some columns."""
+    pose = angles.copy()
+    pose[columns] = values
+    return pose
+
+
+def _on_box(
+    middle: np.ndarray, width: float, low: np.ndarray, high: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Draw angles (m,), rad, in range on the surface of a box of half-width `width` about the operating pose.
+
+    One joint turns by all of the half-width, the others by any part, so that distances are spread evenly.
+    """
+    # Poses out of range are drawn again: moved to the end of the range they would crowd there.
+    while True:
+        offset = rng.uniform(-width, width, len(MOVING))
+        offset[rng.integers(len(MOVING))] = width * rng.choice([-1.0, 1.0])
+        turned = middle + offset
+        if ((turned >= low) & (turned <= high)).all():
+            return np.asarray(turned)
+
+
+def _largest_turn(turned: np.ndarray, middle: np.ndarray) -> float:
+    """Largest turn of a joint from the operating pose, deg."""
+    return float(np.degrees(np.abs(turned - middle).max()))
 
 
 def conditions(arm: Arm, angles: np.ndarray, count: int) -> Iterator[Point]:
@@ -218,8 +239,12 @@ def conditions(arm: Arm, angles: np.ndarray, count: int) -> Iterator[Point]:
         angles: Operating pose (7,), rad.
         count: Values of each pressure and temperature.
     """
-    masses = {name: payload.mass if payload else 0.0 for name, payload in PAYLOADS.items()}
-    for name in sorted(masses, key=lambda name: masses[name]):
+
+    def mass(name: str) -> float:
+        payload = PAYLOADS[name]
+        return payload.mass if payload else 0.0
+
+    for name in sorted(PAYLOADS, key=mass):
         yield "payload", name, _with(arm, arm.plant, name), angles
     if hydraulic(arm):
         for pressure in np.linspace(*PRESSURES, count).tolist():
@@ -235,22 +260,29 @@ def _large_signals(
     level = arm.plant.friction_level if arm.friction else 0.0
     points = [("amplitude", amplitude, (amplitude, level)) for amplitude in density.amplitudes]
     if arm.friction:
-        points += [("friction", each, (LEVEL_AMPLITUDE, each)) for each in density.levels]
+        points += [("friction", multiple, (LEVEL_AMPLITUDE, multiple)) for multiple in density.levels]
     # The amplitude at which friction varies is one of the amplitudes: it is measured once.
-    rows: dict[tuple[float, float], dict[str, np.ndarray]] = {}
+    measurements = len({key for *_, key in points})
+    measured: dict[tuple[float, float], dict[str, np.ndarray]] = {}
     for varied, value, (amplitude, multiple) in points:
-        if (amplitude, multiple) not in rows:
+        if (amplitude, multiple) not in measured:
+            # Without dry friction there is nothing to multiply.
             rubbing = _with(arm, replace(arm.plant, friction_level=multiple)) if arm.friction else arm
             multisines = replace(density.measurement, rms=amplitude)
             approximations = measured_best_linear(rubbing, pose, multisines, chain=CHAIN, threads=threads)
-            columns = {name: np.full(SHAPES[name], np.nan) for name in LARGE_SIGNAL}
-            for joint, measured in approximations.items():
-                hz, *interval = measured.bandwidth.path()
-                stick_hz, *_ = response_bandwidth(measured.chain.response).path()
-                distortion, gain = measured.distortion_percent[0], slow_gain(measured, truth)
-                values = (hz, interval, gain, stick_hz, distortion, measured.slewing)
-                for name, quantity in zip(LARGE_SIGNAL, values, strict=True):
-                    columns[name][MOVING.index(joint)] = quantity
-            rows[amplitude, multiple] = columns
-            step(len(rows), len({key for *_, key in points}))
-        yield table_row(varied, value, truth.angles, True, **rows[amplitude, multiple])
+            measured[amplitude, multiple] = _large_signal_columns(approximations, truth)
+            step(len(measured), measurements)
+        yield table_row(varied, value, truth.angles, True, **measured[amplitude, multiple])
+
+
+def _large_signal_columns(approximations: Mapping[str, BestLinearTruth], truth: Truth) -> dict[str, np.ndarray]:
+    """Columns of the table from the best linear approximation of each studied joint; NaN for the other joints."""
+    columns = {name: np.full(SHAPES[name], np.nan) for name in LARGE_SIGNAL}
+    for joint, approximation in approximations.items():
+        hz, *interval = approximation.bandwidth.path()
+        stick_hz, *_ = response_bandwidth(approximation.chain.response).path()
+        distortion, gain = approximation.distortion_percent[0], slow_gain(approximation, truth)
+        quantities = (hz, interval, gain, stick_hz, distortion, approximation.slewing)
+        for name, quantity in zip(LARGE_SIGNAL, quantities, strict=True):
+            columns[name][MOVING.index(joint)] = quantity
+    return columns

@@ -94,6 +94,7 @@ class PublishedModel:
     @cached_property
     def digit_range(self) -> DigitRange:
         """Ranges over models drawn evenly within the rounding: half a unit of the last place of every number."""
+        # The same draws on every call: the range belongs to the print, not to chance.
         rng, models = np.random.default_rng(0), list[StateSpace]()
         for _ in range(DRAWS):
             coefficients = []

@@ -61,6 +61,7 @@ class TruthSummary:
             "small_signal_error": truth.small_signal_error,
             "provenance": truth.provenance,
         }
+        # Without process noise there is no noise model: K is None.
         if truth.plant.process_noise:
             record["noise"] = {
                 "drive_torque_nm": self.arm.process_noise,
@@ -121,6 +122,8 @@ def _best_linear_record(approximation: BestLinearTruth, truth: Truth) -> dict[st
     """Return what `hmtb truth --bla --json` prints of one joint."""
     hz, *ci95 = approximation.bandwidth.path()
     servo = approximation.servo
+    # Noise and nonlinear distortion together: the scatter over realisations.
+    standard_error = np.sqrt(servo.total_variance[:, 0, 0])
     return {
         "amplitude_rad": approximation.experiment.multisines.rms,
         "bandwidth_hz": hz,
@@ -130,7 +133,7 @@ def _best_linear_record(approximation: BestLinearTruth, truth: Truth) -> dict[st
         "cautions": cautions(approximation, truth),
         "frequency_hz": servo.response.frequencies,
         "response": servo.response.response[:, 0, 0],
-        "standard_error": np.sqrt(servo.total_variance[:, 0, 0]),
+        "standard_error": standard_error,
     }
 
 
