@@ -29,7 +29,7 @@ class Payload:
 
 @dataclass(frozen=True)
 class Ballast(Payload):
-    """A block to study loading with."""
+    """A uniform block by which the effect of loading is studied."""
 
     mass: float = quantity(10.0, "kg", "assumed", "between the RPCM and the multiplexer")
     size: tuple[float, float, float] = quantity((0.20, 0.17, 0.09), "m", "assumed", "as the RPCM")

@@ -46,7 +46,7 @@ class OverAllTrials(MetricDefinition):
     others: tuple[MetricDefinition, ...] = ()
 
     def trials(self, effort: str) -> tuple[Trial, ...]:
-        """Those of all other metrics, each once, in the order of the metrics."""
+        """Trials of all other metrics, each once, in the order of the metrics."""
         trials = chain.from_iterable(metric.trials(effort) for metric in self.others)
         return tuple(dict.fromkeys(trials))
 

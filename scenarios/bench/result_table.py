@@ -63,7 +63,7 @@ def _metric_row(metric: Metric) -> tuple[str, ...]:
 
 
 def _passes_if(metric: Metric) -> str:
-    """Limits of the part whose value is shown."""
+    """Text of the limits that a metric's shown value is judged by."""
     judged = [part for part in metric.parts if part.passed is not None]
     ends = worst_part(judged).limits if judged else UNLIMITED
     return UNKNOWN if ends == UNLIMITED else limits(ends)

@@ -98,7 +98,7 @@ class TrialJournal:
         self.run: str = first or run
 
     def close(self) -> None:
-        """Release the lock; a journal without trials goes."""
+        """Release the lock of the journal, and delete a journal without trials."""
         self._journal.close()
         if not self.done:
             self.path.unlink(missing_ok=True)

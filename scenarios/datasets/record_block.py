@@ -291,7 +291,7 @@ def _multisine_measurements(
 def _amplified(
     block: RecordBlock, excitation: tuple[Excitation, ...]
 ) -> Iterator[tuple[str, str, tuple[Excitation, ...]]]:
-    """The excitation at every amplitude of a block, with the mark of its name and the volts of its key."""
+    """Yield the excitation at every amplitude of a block, behind its suffix of the name and its amplitudes as text."""
     for amplitude in block.amplitudes or (None,):
         mark = f"-{amplitude:g}V" if len(block.amplitudes) > 1 else ""
         amplified = excitation

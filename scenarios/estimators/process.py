@@ -162,7 +162,7 @@ class WatchedProcess:
         return self._memory(float("inf"))
 
     def printed(self) -> str:
-        """The end of what it printed since the last request."""
+        """End of the text that the estimator's process has printed since the last request."""
         with self._log.open("rb") as file:
             file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL))
             return file.read().decode("utf-8", "replace")

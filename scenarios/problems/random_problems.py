@@ -114,7 +114,7 @@ def _monic(rng: np.random.Generator, count: int, modulus: tuple[float, float], d
 
 
 def _is_suitable(candidate: LinearProblem, wanted: Difficulty, rng: np.random.Generator) -> bool:
-    """Whether the bandwidth and the accuracy are as wanted, and the response as linear as the bound takes it."""
+    """Whether a system has a bandwidth and accuracy within the difficulty, and errors to which its bound applies."""
     bandwidth = float(candidate.truth.bandwidth()[0, 0])
     embedded = candidate.embedded(None)
     # As a share of the Nyquist frequency; NaN, where there is no bandwidth, fails too.

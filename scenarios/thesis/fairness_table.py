@@ -61,7 +61,7 @@ class FairModel:
 
 @dataclass(frozen=True, eq=False)
 class ArmFairness:
-    """The table of one arm.
+    """Fits of all models on one arm.
 
     Attributes:
         condition: The arm.

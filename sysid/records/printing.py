@@ -76,7 +76,7 @@ def as_text(parts: Iterable[Part]) -> str:
 
 
 def as_html(parts: Iterable[Part], figure: str = "") -> str:
-    """The same for a notebook, beside a figure."""
+    """HTML of a printed result for a notebook, with a figure."""
     shown = ""
     for item in parts:
         if isinstance(item, str) and not item:

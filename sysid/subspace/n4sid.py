@@ -302,7 +302,7 @@ def n4sid(
 
 
 def _check_weighting(weighting: str) -> None:
-    """Refuse a weighting that is none."""
+    """Refuse a name that is none of the weightings of `n4sid`."""
     if weighting not in get_args(Weighting):
         raise SysidError(f"weighting must be one of {', '.join(get_args(Weighting))}, got {shown(weighting)}")
 
