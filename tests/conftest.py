@@ -45,6 +45,22 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 @pytest.fixture(scope="session")
+def small_signal_findings() -> tuple[str, ...]:
+    """Sentences of the maps of the nominal arm at the default density, without those over amplitude and friction."""
+    from tests.shared import shared
+
+    def make() -> tuple[str, ...]:
+        from hmtb_twin import load_arm
+        from hmtb_twin.parameters.values import OPERATING_POSE
+        from scenarios.truth.map_findings import findings
+        from scenarios.truth.maps import Density, maps
+
+        return findings(maps(load_arm(), OPERATING_POSE, Density(amplitudes=())))
+
+    return shared("small-signal-findings", make)
+
+
+@pytest.fixture(scope="session")
 def bus_record() -> "Callable[..., BusRecord]":
     """Make a record of the bus: measured angles in whole quanta, everything else any number."""
     import numpy as np

@@ -14,14 +14,12 @@ import sysid
 from hmtb_twin import PAYLOADS, VARIANTS, Chain, HandController, Plant, Specimen, Status, load_arm, simulate
 from hmtb_twin.parameters.specimen import FARTHEST, LARGEST
 from hmtb_twin.parameters.specimen_draw import CUT, KINDS, TwinDistributions
-from hmtb_twin.parameters.values import LINKS, OPERATING_POSE
+from hmtb_twin.parameters.values import LINKS
 from scenarios import Scenario, load
 from scenarios.commands.cli import COMMANDS
 from scenarios.experiments.multisines import Multisines
 from scenarios.truth.attainable import Attainable, Horizon
 from scenarios.truth.best_linear import BestLinearTruth
-from scenarios.truth.map_findings import findings
-from scenarios.truth.maps import Density, maps
 
 ROOT = Path(__file__).parents[1]
 NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e-\d+)?")
@@ -109,13 +107,12 @@ MAP_FINDINGS = "docs/measured/map-findings.md"
 
 
 @pytest.mark.pages
-def test_small_signal_sentences_of_the_maps_are_computed():
+def test_small_signal_sentences_of_the_maps_are_computed(small_signal_findings):
     """Those over amplitude and friction take a minute; docs/images/maps.py renews them."""
     (text,) = re.findall(r"<!-- findings -->\n(.*?)<!-- end -->", page(MAP_FINDINGS), re.S)
     shown = [line.removeprefix("- ") for line in text.strip().splitlines()]
-    sentences = findings(maps(load_arm(), OPERATING_POSE, Density(amplitudes=())))
-    assert len(shown) == len(sentences) + 2
-    for printed, sentence in zip(shown, sentences, strict=False):
+    assert len(shown) == len(small_signal_findings) + 2
+    for printed, sentence in zip(shown, small_signal_findings, strict=False):
         assert_same_sentence(printed, sentence)
 
 

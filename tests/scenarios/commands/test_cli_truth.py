@@ -205,13 +205,13 @@ def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
 
 @pytest.mark.slow
 def test_attainable_on_a_log(printed, result, complaint, tmp_path):
-    (log,) = result("simulate", "siso-5-elbow_pitch", "--duration", "30", "--out", tmp_path)["logs"]
+    (log,) = result("simulate", "siso-5-elbow_pitch", "--duration", "12", "--out", tmp_path)["logs"]
     output = result("truth", "--data", log)["attainable"]["elbow_pitch"]
     floors = output["simulation"]
     assert floors["any_model"]["fit"] >= floors["best_linear"]["fit"] >= floors["small_signal"]["fit"] > 50.0
     out = printed("truth", "--data", log, "--out", tmp_path / "floors.svg")
     assert "Attainable on siso-5-elbow_pitch" in out
-    assert "Chance: on 1500 samples" in out
+    assert "Chance: on 600 samples" in out
     printed("truth", "--out", tmp_path / "plain.svg")
     with_floors, without = ((tmp_path / f"{name}.svg").read_text(encoding="utf-8") for name in ("floors", "plain"))
     assert "attainable on siso-5-elbow_pitch" in with_floors
@@ -242,7 +242,7 @@ def test_the_nominal_default_does_not_pass_for_an_option(result, complaint, tmp_
 
 @pytest.mark.slow
 def test_maps_by_one_command(printed, complaint, monkeypatch, tmp_path):
-    coarse = Density(plane=(3, 3), cut=3, sample=5, condition=3, amplitudes=())
+    coarse = Density(plane=(3, 3), cut=3, sample=3, condition=3, amplitudes=())
     monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
     assert "expected a folder" in complaint("truth", "--maps", "--out", tmp_path / "here.svg")
     out = printed("truth", "--maps", "--out", tmp_path / "here")

@@ -53,7 +53,7 @@ def test_on_a_linear_joint_all_floors_are_the_recorder_noise(sliding, floors):
 
 @pytest.mark.slow
 def test_without_noise_nothing_is_left(floors):
-    ideal = attainable(run("siso-5-shoulder_yaw", chain=IDEAL)[0], steps=10)
+    ideal = attainable(run("siso-5-shoulder_yaw", duration=20.0, chain=IDEAL)[0], steps=10)
     assert ideal.simulation.any_model.rmse == 0.0
     assert ideal.simulation.any_model.fit == 100.0
     assert ideal.simulation.best_linear.rmse == pytest.approx(ideal.distortion)
@@ -71,7 +71,7 @@ def test_without_noise_nothing_is_left(floors):
     ],
 )
 def test_no_estimator_goes_below_on_fresh_data(name, changes):
-    train, fresh = run(name, (1, 2), duration=24.0, **changes)
+    train, fresh = run(name, (1, 2), duration=16.0, **changes)
     data, record, floors = train.iodata().detrend(), fresh.iodata().detrend(), attainable(fresh, steps=10)
     for fit in compare([oe(data, 5, 5), armax(data, 4, 4, 4)], record):
         for estimated, horizon in ((fit.simulated, floors.simulation), (fit.predicted, floors.one_step)):
@@ -104,7 +104,8 @@ def test_process_noise_parts_simulation_from_prediction(floors):
 
 @pytest.mark.slow
 def test_friction_is_left_over_by_linear_systems_in_the_right_sequence():
-    floors = attainable(run("siso-5-shoulder_yaw", chain=Chain(), hand_controller=LARGE_MOTION)[0])
+    log = run("siso-5-shoulder_yaw", duration=30.0, chain=Chain(), hand_controller=LARGE_MOTION)[0]
+    floors = attainable(log)
     sequence = [
         floors.simulation.any_model,
         floors.simulation.best_linear,
