@@ -82,7 +82,7 @@ class TruthSummary:
         joint_truth = self.joints[name]
         locked = name in self.locked
         bandwidth_hz = None if locked else joint_truth.bandwidth_hz
-        dominant_poles = [] if locked else joint_truth.dominant_poles
+        dominant_poles = np.empty(0) if locked else joint_truth.dominant_poles
         note = LOCKED_NOTE if locked else None
         record: dict[str, object] = {
             "bandwidth_hz": bandwidth_hz,

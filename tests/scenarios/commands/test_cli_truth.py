@@ -14,6 +14,7 @@ from scenarios import load
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.truth import truth_summary
 from scenarios.truth.best_linear import best_linear, cautions, measured_best_linear
+from scenarios.truth.map_figures import map_figures
 from scenarios.truth.maps import Density
 from scenarios.truth.truth_figure import truth_figure
 
@@ -204,7 +205,15 @@ def test_best_linear_columns(printed, result, monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-def test_attainable_on_a_log(printed, result, complaint, tmp_path):
+def test_attainable_on_a_log(printed, result, complaint, monkeypatch, tmp_path):
+    attainable_on, floors_by_log = truth_summary.attainable_on, {}
+
+    def computed_once(log, truth):
+        if log.name not in floors_by_log:
+            floors_by_log[log.name] = attainable_on(log, truth)
+        return floors_by_log[log.name]
+
+    monkeypatch.setattr(truth_summary, "attainable_on", computed_once)
     (log,) = result("simulate", "siso-5-elbow_pitch", "--duration", "12", "--out", tmp_path)["logs"]
     output = result("truth", "--data", log)["attainable"]["elbow_pitch"]
     floors = output["simulation"]
@@ -244,6 +253,10 @@ def test_the_nominal_default_does_not_pass_for_an_option(result, complaint, tmp_
 def test_maps_by_one_command(printed, complaint, monkeypatch, tmp_path):
     coarse = Density(plane=(3, 3), cut=3, sample=3, condition=3, amplitudes=())
     monkeypatch.setattr(Density, "scaled", classmethod(lambda cls, factor: coarse))
+    # Drawing takes longest, and tests of the maps draw every figure.
+    monkeypatch.setattr(
+        "scenarios.truth.map_figures.map_figures", lambda maps: {"workspace": map_figures(maps)["workspace"]}
+    )
     assert "expected a folder" in complaint("truth", "--maps", "--out", tmp_path / "here.svg")
     out = printed("truth", "--maps", "--out", tmp_path / "here")
     assert f"maps: {tmp_path / 'here' / 'maps.html'}" in out
