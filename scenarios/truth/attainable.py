@@ -104,6 +104,7 @@ class Attainable:
             rmse: The floor, rad.
             parameters: Number fitted to this very record; on fresh data the initial state alone, where it is fitted.
         """
+        # On a record of few samples chance may explain everything.
         return rmse * sqrt(max(1.0 - chi2.ppf(0.95, parameters + 1) / self.samples, 0.0))
 
 

@@ -148,6 +148,7 @@ def best_linear(
     elif isinstance(measured, str) or not isinstance(measured, Sequence) or not 0 < len(measured) == len(set(measured)):
         raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
     result = simulate(experiments, threads=threads)
+    # A mean over the realisations that are left would be another estimate than the one asked for.
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
     origin = {"setting": setting.name, "seed": str(setting.seed)}

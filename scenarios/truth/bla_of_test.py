@@ -154,6 +154,7 @@ def multisine_like(
     previous: tuple[float, float] | None = None
     for _ in range(ROUNDS):
         current = replace(target, rms=rms)
+        # Random phases: each realisation has a peak of its own, and the converter must play them all.
         peak = max(float(np.abs(current.offsets(r)).max()) for r in range(realisations))
         largest = ROOM * rms * BOARD.dac_range * base.hand_controller.gain / peak
         if rms > largest:

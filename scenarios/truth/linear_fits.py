@@ -62,6 +62,7 @@ def right_order_fits(model: StateSpace, noise_free: IOData, steps: int | None) -
     Returns:
         The order, and an output (N,) of each search that did not fail.
     """
+    # States that the output does not show would give the search parameters without effect.
     start = replace(model, K=None).minimal(MATTERS)
     max_iterations = steps or MOST_STEPS
 

@@ -95,6 +95,7 @@ def _dressed(figure: Figure) -> Figure:
     dress(figure.axes)
     for axes in figure.axes:
         axes.title.set_fontsize(9)
+    # All panels of a figure show the same joints.
     handles, labels = figure.axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=8, frameon=False)
     return figure
@@ -180,6 +181,7 @@ def _coupling(maps: Maps, title: str) -> Figure:
             # The lower half of the scale of colours is dark.
             ink = "white" if values[i, j] < 0.55 * np.nanmax(values) else "black"
             axes.text(i, j, f"{values[i, j]:.1f}", ha="center", va="center", fontsize=8, color=ink)
+        # The first joint on top, as in a matrix.
         axes.set(xlabel="commanded", ylabel="moved", ylim=(len(MOVING) - 0.5, -0.5))
         axes.set_xticks(positions, [name.replace(" ", "\n") for name in names])
         axes.set_yticks(positions, names)

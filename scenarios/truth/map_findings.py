@@ -203,6 +203,7 @@ def _condition(maps: Maps, rows: MapTable) -> str:
             gaps += f" At {gap_values} {reason}."
     span = f"{name.capitalize()} from {values[works][0]} to {values[works][-1]}{unit}"
     hz = rows.bandwidth[works]
+    # Range over the values: a bandwidth need not rise or fall all the way.
     changes = np.ptp(hz, axis=0) / maps.here.bandwidth[0]
     k = int(np.argmax(changes))
     if changes[k] < SLIGHT:

@@ -259,6 +259,7 @@ def _bandwidth(
         below_half = at_guess < target
         low, at_low = np.where(below_half, low, guess), np.where(below_half, at_low, at_guess)
         high, at_high = np.where(below_half, guess, high), np.where(below_half, at_guess, at_high)
+        # Nine digits of the gain; the table prints six of the bandwidth.
         if np.abs(at_guess - target)[falls].max(initial=0.0) < 1e-9:
             break
     return np.where(falls, guess, np.nan)

@@ -68,6 +68,7 @@ def conditional_mean(
         # About the pose, so that the scatter is not lost in the rounding of large angles.
         offsets = position[:, : len(JOINTS)] - angles
         means[k] = offsets.mean(axis=0)
+        # About the mean of the draws themselves, hence one degree of freedom less.
         variances[k] = offsets.var(axis=0, ddof=1) / draws
         control[:] = controls
         # Even columns command angles, odd ones torques; the noise is that of the drives.

@@ -146,6 +146,7 @@ def _plane(axes: Axes, summary: TruthSummary, joints: list[str]) -> None:
         poles, zeros = summary.joints[joint].poles, summary.joints[joint].zeros
         axes.plot(poles.real, poles.imag, "x", color=colour, ms=7, mew=1.5)
         axes.plot(zeros.real, zeros.imag, "o", color=colour, ms=7, mfc="none", mew=1.2)
+        # A zero far outside would shrink the unit circle: it is counted in the title instead.
         outside += int(np.sum(np.maximum(np.abs(zeros.real), np.abs(zeros.imag)) > reach))
     axes.add_patch(Circle((0.0, 0.0), 1.0, fill=False, ec=BOUND.colour, ls=BOUND.line, lw=BOUND.width))
     axes.set(xlabel="real part", ylabel="imaginary part", xlim=(-reach, reach), ylim=(-reach, reach))
@@ -180,6 +181,7 @@ def _error(axes: Axes, summary: TruthSummary) -> None:
     amplitude, error = np.array(sorted(summary.truth.small_signal_error.items())).T
     style = PALETTE["truth"]
     axes.loglog(amplitude, error, color=style.colour, ls=style.line, marker=style.marker, lw=1.6, ms=5)
+    # The first nonlinear term of a smooth arm departs in proportion to the amplitude.
     guide = error[-1] * amplitude / amplitude[-1]
     axes.loglog(amplitude, guide, **DASHED)
     at = (amplitude[1], guide[1])
