@@ -88,6 +88,7 @@ def bandwidth(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
+    # None of them may stand beside --data, which is why their defaults are None and are filled in below.
     of_arm = {
         "joints": joints,
         "tests": tests,
@@ -129,6 +130,7 @@ def bandwidth(
         say_each("written: ", files)
         if files:
             say_next("thesis", "--quick", "--out", "thesis-quick")
+    # A record that gave no bandwidth at all is a difference that a script must see.
     return 1 if study.failed else 0
 
 

@@ -65,11 +65,13 @@ def convert(
     records: list[BusRecord] = []
     for content in contents:
         records += content.records
+    # Asked before anything is written: a refusal leaves the folder as it was.
     lost = losses(contents, target)
     if lost and not lossy:
         raise ScenarioError(f"{out.name} would lose {'; '.join(lost)}. To convert nevertheless: --lossy")
     damages = [content.message for content in contents if content.message]
     warnings = [*damages, *(f"lost: {loss}" for loss in lost)]
+    # Only 1553 records hold several tests in one file.
     names = [record.name for record in records]
     if target != "1553" and is_single_file and len(records) > 1:
         raise ScenarioError(
@@ -88,6 +90,7 @@ def convert(
         else:
             written = [write_record(record, path) for record, path in zip(records, paths_out, strict=True)]
     notes = unnamed(records, target, [path.stem for path in written])
+    # What could be saved of a damaged record is written; the exit code tells scripts that it is not all.
     code = 1 if damages else 0
     if json:
         tests = [_test_record(record) for record in records]
@@ -121,6 +124,7 @@ def _file_names(names: Sequence[str], stem: str, target: str, *, may_collide: bo
     """Names of the files of a folder: of a 1553 run one, else one for each test, without characters that leave it."""
     from scenarios.files.record_file import ENDINGS
 
+    # Names come from files: a slash would leave the folder, a leading dot would hide the file.
     safe = [re.sub(r"[/\\\0]", "_", name).lstrip(".") or "test" for name in names]
     if len(set(safe)) < len(safe) and not may_collide:
         twice_named = next(name for name in safe if safe.count(name) > 1)
@@ -140,6 +144,7 @@ def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str
 
     if format is not None and format not in ENDINGS:
         raise ScenarioError(unknown("format", format, ENDINGS))
+    # A folder may be called `run.csv`: what is there decides before the ending does.
     if out.is_dir() or out.suffix not in FORMATS:
         if format is None:
             raise ScenarioError(
@@ -148,6 +153,7 @@ def _target(sources: Sequence[Path], out: Path, format: str | None) -> tuple[str
         return format, False
     if format not in (None, format_of(out)):
         raise ScenarioError(f"{out.name} ends like {format_of(out)}, --format says {format}; expected one of them")
+    # Resolved, because a link or `./` names the same file.
     if any(source.resolve() == out.resolve() for source in sources):
         raise ScenarioError(f"{str(out)!r} would be written over itself; name another file")
     return format_of(out), True

@@ -113,6 +113,7 @@ def identify(
     from scenarios.identification.file_identification import identify_files
     from scenarios.identification.result_tables import result_tables
 
+    # Endings and files that exist are checked before the fit, which may take minutes.
     if save is not None and save.suffix not in SAVED:
         raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
     replaced = [save] if save else []
@@ -141,6 +142,7 @@ def identify(
         )
     remarks = [*found.warnings]
     if save is not None:
+        # What the writer of a format warns of is listed with the remarks on the model.
         with warnings.catch_warnings(record=True) as caught, output_folder(save.parent):
             warnings.simplefilter("always", UserWarning)
             _save(found.result.fitted.estimate, save, typed)
@@ -162,6 +164,7 @@ def identify(
 def _say_next(options: Mapping[str, Any], save: Path | None, *, has_figures: bool) -> None:
     """Write the command that goes on from here: save the model, then compare it with others on the same record."""
     first, joint = options["data"][0], options["joint"]
+    # What was asked for once, figures and the consent to replace files, is not repeated.
     again = {**options, "out": None, "overwrite": False}
     if save is None and has_figures:
         again["save"] = Path(f"{first.stem}.json")

@@ -33,6 +33,7 @@ def write_log(log: JointLog, path: Path) -> Path:
     """
     if path.suffix not in ENDINGS.values():
         raise ScenarioError(f"unknown format {path.suffix!r}; there are: {', '.join(ENDINGS.values())}")
+    # Every other format holds what the bus recorded, and nothing that only a simulation knows.
     if path.suffix != ".nc":
         return write_record(BusRecord.of(log), path)
     check_place(path)
@@ -89,6 +90,7 @@ def read_parts(
         raise ScenarioError(
             f"{path.name} is a record of joints: choose one by --joint; --input, --output and --time are for tables"
         )
+    # The laboratory does not know the option by which this command chooses a joint: its message gets it here.
     stretches: tuple[IOData, ...] = ()
     try:
         if ours:
@@ -103,9 +105,11 @@ def read_parts(
         if "name the joint" not in str(error):
             raise
         raise TwinError(str(error).replace("name the joint", "name the joint, as --joint elbow_pitch")) from error
+    # A record of ours knows its interval; one that is stated beside it may only confirm it.
     if stretches:
         _check_interval(dt, stretches[0], path)
         return stretches
+    # A CSV written from a record of ours has lost its axes, but its columns are named after the joints.
     if joints:
         if (inputs, outputs) != (("u",), ("y",)):
             raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")

@@ -61,6 +61,7 @@ def read_flat(path: Path) -> BusRecord:
         dt, samples = float(named["sampling time"].removesuffix("s")), int(named["samples"])
     except (KeyError, ValueError) as error:
         raise ScenarioError(f"{path.name}: no sampling time or number of samples among its first lines") from error
+    # The header states the number of samples because a file that was cut at the end of a line reads without an error.
     table = _numbers(path, [line for line in lines if not line.startswith("%")], None)
     if len(table) != samples:
         raise ScenarioError(f"{path.name}: {len(table)} lines of numbers, expected {samples}: the file is cut off")
@@ -96,7 +97,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _numbers(path: Path, lines: list[str], separator: str | None) -> np.ndarray:
-    width = len(COLUMNS) + 1
+    width = len(COLUMNS) + 1  # time comes first
     try:
         table = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2) if lines else np.empty((0, width))
     except ValueError as error:
@@ -108,6 +109,7 @@ def _numbers(path: Path, lines: list[str], separator: str | None) -> np.ndarray:
 
 def _record(path: Path, name: str, dt: float, axes: tuple[str, ...], table: np.ndarray) -> BusRecord:
     times = table[:, 0]
+    # Lost samples are NaN in their row, never a missing row: the times of a whole record are a uniform grid.
     if len(times) and not np.abs(times - times[0] - dt * np.arange(len(times))).max() <= 1e-6 * dt:
         raise ScenarioError(f"{path.name}: its times are not {dt:g} s apart; expected every tick in its place")
     return BusRecord.from_columns(name, dt, axes, table[:, 1:])

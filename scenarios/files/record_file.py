@@ -57,6 +57,7 @@ class RecordFile:
             return self.records[0]
         if test in names:
             return self.records[names.index(test)]
+        # A name comes before a number: a test may be called "2". Longer numbers would be no index at all.
         if test.isdecimal() and len(test) < 9 and 1 <= int(test) <= len(names):
             return self.records[int(test) - 1]
         raise ScenarioError(unknown("test", test, names))
@@ -81,9 +82,11 @@ def is_record(path: Path) -> bool:
     if format_name == "mat":
         return mat_file.is_ours(path)
     if format_name in _FIRST_LINES:
+        # No more than the expected line and its end: the first line of a foreign file may be gigabytes long.
         with path.open("rb") as file:
             line = file.readline(len(CSV_HEADER) + 4).decode("ascii", errors="replace")
         return line.strip() == _FIRST_LINES[format_name]
+    # No other program here writes this ending; a file that is no record is refused when it is read.
     return format_name == "1553"
 
 
@@ -112,8 +115,10 @@ def read_records(path: Path) -> RecordFile:
         return RecordFile((_READERS[format_name](path),))
     if stated_format(path) == FORMAT:
         return RecordFile((BusRecord.load(path),))
+    # The remaining NetCDF files of ours are logs of a simulation, which know more than the bus recorded.
     record = BusRecord.of(JointLog.load(path))
     hidden = tuple(name for name in variable_names(path) if name not in (*CHANNELS, *COORDINATES))
+    # Seed and provenance are attributes of a log, no variables.
     if hidden:
         hidden = (*hidden, "seed", "provenance")
     return RecordFile((record,), hidden=hidden)
@@ -158,6 +163,7 @@ def losses(contents: Sequence[RecordFile], kind: str) -> list[str]:
 def _lost_in_a_run(records: Sequence[BusRecord]) -> list[str]:
     """What a run of the recorder loses: digits, messages of which a word is missing, ticks beyond its memory."""
     lost = []
+    # A word of the bus has 16 bits: values are rounded to its quantum, and one bad word costs its whole message.
     units = {"commanded": "rad", "measured": "rad", "wrench": "N or N m"}
     for record in records:
         for channel, change in rounding(record).items():
