@@ -7,7 +7,10 @@ import pytest
 
 from tests.golden import CASES, REFERENCE, Numbers, differences, numbers
 
-QUICK = [name for name in CASES if name.startswith(("estimators-", "truth-"))]
+QUICK = [
+    *("estimators-p1", "estimators-p2", "estimators-p3", "truth-nominal"),
+    *(pytest.param(name, marks=pytest.mark.thorough) for name in ("truth-published", "truth-flight")),
+]
 # Other processors and libraries round otherwise; P1 has a condition number of 4e8.
 TOLERANCE = 1e-4
 

@@ -48,7 +48,7 @@ def clean():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("joint", STUDIED_JOINTS)
-@pytest.mark.parametrize("method", ["oe", "armax", "okid"])
+@pytest.mark.parametrize("method", ["oe", pytest.param("armax", marks=pytest.mark.thorough), "okid"])
 def test_clean_small_signal_data_give_back_the_true_response(joint, method, clean, truth):
     data, true = clean[joint], truth.joint(joint)
     # An eighth pole of the others is cancelled at the edge of stability, and takes the gain at 0 Hz along.

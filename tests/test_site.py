@@ -47,7 +47,7 @@ def site(tmp_path_factory):
     return pages
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_every_public_name_is_in_the_reference(site):
     packages = [path.removeprefix("api/").removesuffix(".html") for path in site if path.startswith("api/")]
     assert {"sysid", "sysid.control", "hmtb_twin", "scenarios"} <= set(packages)
@@ -57,7 +57,7 @@ def test_every_public_name_is_in_the_reference(site):
         assert set(import_module(package).__all__) <= ends, package
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_pages_load_nothing_from_the_network(site):
     assert "parameters.html" in site
     for path, page in site.items():

@@ -107,7 +107,7 @@ def test_noise_leaves_the_path_of_the_commands_alone(noisy):
     np.testing.assert_array_equal(quiet.model.innovation_covariance, noisy.disturbances.resolvers)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_residuals_of_the_true_predictor_are_white_at_the_nominal_rate(noisy, records):
     model = noisy.subset(MOVING, MOVING)
     p = np.array([sysid.resid(model, record).whiteness_p for record in records])

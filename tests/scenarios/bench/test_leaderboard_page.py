@@ -34,7 +34,7 @@ ODD = (
 )
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 @pytest.mark.parametrize("chosen", [ODD[::2], ODD[1::2]])
 @pytest.mark.filterwarnings("error")
 def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(results, chosen, tmp_path):

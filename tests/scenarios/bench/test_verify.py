@@ -332,7 +332,7 @@ def some(definition, problems, records):
     return type("Some", (type(definition),), {"trials": lambda self, effort: trials})()
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_each_fault_fails_the_metrics_that_should_see_it_and_no_other(tmp_path):
     few = (some(NoiseFreeRecovery(), ("quiet-1-1", "quiet-1-2"), 1), some(NormalisedError(), ("p5",), 30))
     metrics = (*few, Reliability(few), Speed(few))

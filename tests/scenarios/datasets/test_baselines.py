@@ -142,7 +142,10 @@ def test_models_come_from_the_training_part_of_their_own_arm(small):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("text", ["narx:3/3/1/2", "neural_ss:2/2", "hammerstein:2/2"])
+@pytest.mark.parametrize(
+    "text",
+    ["narx:3/3/1/2", pytest.param("neural_ss:2/2", marks=pytest.mark.thorough), "hammerstein:2/2"],
+)
 def test_nonlinear_baselines_score_well_and_repeat(small, text):
     bench = BaselineData(small, BaselineSpec())
     made = report(bench, Method.parsed(text))

@@ -220,6 +220,7 @@ def test_a_score_that_the_noise_forbids_is_marked(metric, copied, honest):
         assert not Grade("set", scores, None, None, {}, ()).too_good
 
 
+@pytest.mark.reliability
 def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     ann, bob = tmp_path / "ann", tmp_path / "bob"
     ann.mkdir()

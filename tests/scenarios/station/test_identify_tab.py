@@ -263,7 +263,7 @@ def test_work_that_waits_begins_when_the_other_has_ended(page):
     assert order[-1] == "at once"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_identified_and_drawn_beside_the_page_and_stopped(page, log, tmp_path, monkeypatch):
     station, client = page
     monkeypatch.setattr(station.session, "folder", tmp_path)

@@ -195,7 +195,7 @@ def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
     assert record["arms"]["number"] == 3 * 3 * 2 * 2 * 2 * 3
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_record_of_the_whole_campaign_is_of_this_arm():
     """One setting of the map again, which any change of the physics moves."""
     recorded = next(cell for cell in read_motion()["map"] if cell["joint"] == "elbow_pitch")

@@ -222,6 +222,10 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
     assert floors.simulation.any_model.rmse == pytest.approx(expected, rel=0.05)
 
 
+def thorough(joint, plant):
+    return pytest.param(joint, plant, marks=pytest.mark.thorough)
+
+
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize(
@@ -229,10 +233,10 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
     [
         ("shoulder_pitch", Plant()),
         ("elbow_pitch", Plant(process_noise=0.001)),
-        ("shoulder_pitch", Plant(friction="coulomb", oil_temperature=15.0, process_noise=0.001)),
-        ("elbow_pitch", Plant(actuator="orifice")),
+        thorough("shoulder_pitch", Plant(friction="coulomb", oil_temperature=15.0, process_noise=0.001)),
+        thorough("elbow_pitch", Plant(actuator="orifice")),
         ("shoulder_pitch", Plant(actuator="orifice", process_noise=0.001)),
-        ("elbow_pitch", Plant(actuator="orifice", supply_pressure=16.0, process_noise=0.002)),
+        thorough("elbow_pitch", Plant(actuator="orifice", supply_pressure=16.0, process_noise=0.002)),
     ],
 )
 def test_no_linear_system_goes_below_the_floor_of_any_model(joint, plant):

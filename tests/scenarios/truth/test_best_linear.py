@@ -23,7 +23,7 @@ SHORT = Multisines(realisations=8, period=5.12, f_min=0.1)
 YAW = MultisineExperiment("yaw", ("shoulder_yaw",), chain=QUIET)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_without_friction_it_is_the_small_signal_truth_line_by_line():
     truth = linearize(load_arm(friction=False), amplitudes=())
     lines, seeds, held = zip(*(agreement(joint, 2, SHORT, truth) for joint in STUDIED_JOINTS), strict=True)

@@ -218,7 +218,7 @@ def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit():
     assert steps[-1] == (2, 2)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_friction_ends_linearity_at_small_amplitudes_and_high_levels():
     table, _ = measured(load_arm(), amplitudes=(3e-4, 3e-2), levels=(0.0, 20.0))
     amplitudes, levels, truth = table.rows("amplitude"), table.rows("friction"), linearize(load_arm(), amplitudes=())

@@ -84,6 +84,7 @@ def test_netcdf(tmp_path):
     refused(r"sampling interval 0\.1 s by dt as given", partial(read, path, dt=0.1))
 
 
+@pytest.mark.reliability
 def test_a_heap_of_texts_that_never_ends_is_refused(tmp_path, monkeypatch):
     """The HDF5 library loops on free space of no length."""
     monkeypatch.setattr(reading_process, "PATIENCE", 4.0)
