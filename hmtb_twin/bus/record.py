@@ -1,4 +1,4 @@
-"""Bus record: joints and wrench as they came over the bus, with gaps and without the secrets of a simulation."""
+"""Bus record: joints and wrench as received, with lost messages and without the true states of a simulation."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -37,7 +37,7 @@ UNITS = tuple(chain.from_iterable(units for _, units in CHANNELS.values()))
 
 
 def _stretches(complete: np.ndarray) -> Iterator[slice]:
-    """Yield the uninterrupted stretches of complete ticks (N,)."""
+    """Yield a slice for each uninterrupted stretch of complete ticks (N,)."""
     # Padding with incomplete ticks closes stretches at either end.
     steps = np.diff(np.concatenate(([False], complete, [False])).astype(int))
     for start, stop in zip(np.flatnonzero(steps == 1), np.flatnonzero(steps == -1), strict=True):
@@ -93,7 +93,7 @@ class BusRecord:
 
     @classmethod
     def of(cls, log: JointLog) -> "BusRecord":
-        """Return the part of a log that passes over the bus, before any rounding to words."""
+        """Return the part of a log that passes over the bus, not yet rounded to 16-bit words."""
         flags = np.zeros(len(log))
         return cls(log.name, log.dt, tuple(log.axes), log.commanded, log.measured, log.wrench, log.status, flags)
 

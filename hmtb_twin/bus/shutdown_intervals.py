@@ -12,7 +12,7 @@ from hmtb_twin.parameters.values import JOINTS
 
 @dataclass(frozen=True)
 class ShutdownInterval:
-    """One interval without servo power.
+    """One interval without servo power, and the joint that moved furthest in it.
 
     Attributes:
         start: First time without power, s.
@@ -36,7 +36,7 @@ class ShutdownInterval:
         )
 
     def summary(self) -> dict[str, object]:
-        """Return plain values for JSON."""
+        """Return the interval as a dictionary of plain values, for JSON."""
         return {"start_s": self.start, "end_s": self.end, "ends": self.ends, "joint": self.joint, "sank_rad": self.sank}
 
 

@@ -33,7 +33,7 @@ def bounded_step(
     for _ in range(ITERATIONS):
         direction, multipliers = _constrained_direction(hessian, gradient - hessian @ step, rows[list(active)])
         speed = rows @ direction
-        share, blocking = 1.0, -1
+        fraction, blocking = 1.0, -1
         for row in range(len(rows)):
             # A row that does not move cannot block; added to the active ones it would make their matrix singular.
             if row in active or abs(speed[row]) <= NEGLIGIBLE * (1.0 + np.abs(rows[row]).sum()):
@@ -41,11 +41,11 @@ def bounded_step(
             rising = speed[row] > 0.0
             bound = upper[row] if rising else lower[row]
             room = bound - rows[row] @ step
-            blocks = room < share * speed[row] if rising else room > share * speed[row]
+            blocks = room < fraction * speed[row] if rising else room > fraction * speed[row]
             if blocks:
                 # By rounding a row may stand beyond its bound already: never go backward.
-                share, blocking = max(room / speed[row], 0.0), row
-        step = step + share * direction
+                fraction, blocking = max(room / speed[row], 0.0), row
+        step = step + fraction * direction
         if blocking >= 0:
             active[blocking] = np.sign(speed[blocking])
             continue
@@ -62,7 +62,7 @@ def bounded_step(
 def _constrained_direction(
     hessian: np.ndarray, gradient: np.ndarray, held: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the direction to the minimum that does not move the held rows, and their multipliers."""
+    """Return the direction to the minimum along which the held rows keep their values, and their multipliers."""
     # The conditions of Karush, Kuhn and Tucker for equality constraints, one linear system.
     n = len(gradient)
     matrix = np.zeros((n + len(held), n + len(held)))

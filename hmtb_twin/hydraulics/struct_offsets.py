@@ -1,4 +1,4 @@
-"""Offsets of arrays inside MuJoCo's structures, from the declarations of their fields that the package carries."""
+"""Byte offsets of array pointers inside MuJoCo's structures, from the field declarations of its Python package."""
 
 import ctypes
 from collections.abc import Mapping
@@ -62,7 +62,7 @@ def struct_offsets() -> Mapping[str, int]:
 
 
 def declared_offsets(struct: str, arrays: tuple[str, ...]) -> dict[str, int]:
-    """Return the byte offsets of fields of one MuJoCo structure by its declaration.
+    """Return the byte offsets of fields of one MuJoCo structure, computed from its declaration.
 
     Args:
         struct: Name of the structure.
@@ -75,11 +75,11 @@ def declared_offsets(struct: str, arrays: tuple[str, ...]) -> dict[str, int]:
         layout = _layout(STRUCTS[struct])
         return {name: getattr(layout, name).offset for name in arrays}
     except (KeyError, AttributeError) as error:
-        raise TwinError(f"{_mujoco()} declares its {struct} in an unknown way ({error}); {_REMEDY}") from error
+        raise TwinError(f"{_mujoco_version()} declares its {struct} in an unknown way ({error}); {_REMEDY}") from error
 
 
 def _layout(struct: StructDecl | AnonymousStructDecl) -> type[ctypes.Structure]:
-    """Return a structure as `ctypes` lays it out; raises `KeyError` for a type that nobody declares."""
+    """Return the `ctypes` structure of a declared C structure; raises `KeyError` for an undeclared field type."""
     fields = []
     for field in struct.fields:
         # Unions have no place here: neither structure contains any, and a future one is reported as unknown.
@@ -90,7 +90,7 @@ def _layout(struct: StructDecl | AnonymousStructDecl) -> type[ctypes.Structure]:
 
 
 def _c_type(declared: Any) -> Any:
-    """Return the `ctypes` type of a declared one; raises `KeyError` if it is unknown."""
+    """Return the `ctypes` type of a declared C type; raises `KeyError` if it is unknown."""
     if isinstance(declared, PointerType):
         return ctypes.c_void_p
     if isinstance(declared, ArrayType):
@@ -106,7 +106,7 @@ def _c_type(declared: Any) -> Any:
 
 
 def check_pointers(struct: Any, offsets: Mapping[str, int]) -> None:
-    """Check that the arrays of a structure are where their offsets say.
+    """Check that the pointer at each offset is the address of its array; raises `TwinError` otherwise.
 
     Args:
         struct: An `MjModel` or `MjData`.
@@ -117,14 +117,16 @@ def check_pointers(struct: Any, offsets: Mapping[str, int]) -> None:
     """
     base = getattr(struct, "_address", None)
     if not isinstance(base, int):
-        raise TwinError(f"{_mujoco()} does not expose the address of its {type(struct).__name__}; {_REMEDY}")
+        raise TwinError(f"{_mujoco_version()} does not expose the address of its {type(struct).__name__}; {_REMEDY}")
     for name, offset in offsets.items():
         pointer = ctypes.c_void_p.from_address(base + offset).value
         if pointer != getattr(struct, name).ctypes.data:
             raise TwinError(
-                f"{_mujoco()} does not keep {name} in its {type(struct).__name__} where it declares it; {_REMEDY}"
+                f"{_mujoco_version()} does not keep {name} in its {type(struct).__name__} where it declares it; "
+                f"{_REMEDY}"
             )
 
 
-def _mujoco() -> str:
+def _mujoco_version() -> str:
+    """Name and version of MuJoCo, for messages."""
     return f"MuJoCo {mujoco.__version__}"

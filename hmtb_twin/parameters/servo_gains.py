@@ -12,14 +12,14 @@ from hmtb_twin.parameters.values import Servo
 
 
 class ServoGains(NamedTuple):
-    """Gains of a joint's servo.
+    """Gains of a joint's servo, of either law.
 
     With the position torque u = kp (q_cmd - q) - kd w and the feedforward torque f, both in N m, displacement D and
     flow-pressure gain K of the drive, load pressure P and its low-pass filtered value P_f, the flow asked for is
 
         Q = feed u / D + K f / D + pressure ((u + f) / D - P) + compensated D w - dynamic (P - P_f).
 
-    A servo that asks for a torque knows K whatever the oil: it has no `feed` of its own.
+    The torque law leaves `feed` as None, which marks it: K of the drive takes its place, whatever the oil.
 
     Attributes:
         kp: Stiffness, N m/rad.
@@ -41,7 +41,7 @@ class ServoGains(NamedTuple):
 
 
 def servo_dynamics(inertia: float, drag: float, motor: DcMotor, gains: ServoGains) -> np.ndarray:
-    """Return the dynamics of a joint on its linear drive and servo, within all limits and without dry friction.
+    """Return the state matrix of a joint with drive and servo: linear, nothing saturated, no dry friction.
 
     Args:
         inertia: Inertia on its shaft, kg m^2.
@@ -65,11 +65,11 @@ def servo_dynamics(inertia: float, drag: float, motor: DcMotor, gains: ServoGain
 
 
 def servo_gains(inertia: float, servo: Servo, drive: Drive, law: str = "torque") -> ServoGains:
-    """Tune the servo of one joint that is held by its neighbours.
+    """Return the gains of one joint's servo, tuned with all other joints held still.
 
     Args:
         inertia: Inertia J that the joint sees at the operating pose, kg m^2.
-        servo: The wanted poles, rad/s.
+        servo: The wanted poles, rad/s, torque lag and damping of the oil.
         drive: The drive.
         law: "torque" or "flow".
 
@@ -83,7 +83,7 @@ def servo_gains(inertia: float, servo: Servo, drive: Drive, law: str = "torque")
 
 
 def torque_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
-    """Place two poles of a servo that asks for a torque.
+    """Return the gains that place two poles of a servo whose position error asks for a torque.
 
     With torque command kp (q_cmd - q) - kd dq/dt and a torque that follows it with the lag T of pressure or current,
     the joint obeys (J s + B) s (T s + 1) + kd s + kp = J T (s - p1) (s - p2) (s - p3); lag and drag B fix the sum of
@@ -118,7 +118,7 @@ def torque_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
 
 
 def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
-    """Place the slow pole of a servo whose position error opens the valve, and damp the oil's resonance.
+    """Return the gains that place the slow pole and damp the oil's resonance, where the error opens the valve.
 
     Q = D Kv (q_cmd - q): a hydraulic position servo [Merritt1967, ch. 8], with Kv = kp K / D^2. Dynamic pressure
     feedback raises the damping ratio of the resonance of oil and inertia to `oil_damping` where leakage and load-flow

@@ -24,7 +24,7 @@ INDEXED_JOINTS = ("shoulder_roll",)
 
 @dataclass(frozen=True)
 class Pin:
-    """The pin of an indexed joint: a stiff spring, with an inertia beside which the step resolves it.
+    """Stiff spring at an indexed joint, with an added inertia that keeps its mode slow enough for the simulation step.
 
     Its mode lies at 100 rad/s, critically damped; under the arm's weight it yields some 1e-8 rad.
     """
@@ -86,7 +86,7 @@ LINKS = {
 
 @dataclass(frozen=True)
 class Servo:
-    """A joint's position servo: the poles wanted at the operating pose."""
+    """Design goals of a joint's position servo at the operating pose: poles, torque lag, damping of the oil."""
 
     slow_pole: float = quantity(-6.7, "rad/s", "derived", "published models: poles near -6..-9, bandwidth about 1 Hz")
     fast_pole: float = quantity(
@@ -254,19 +254,19 @@ class HandController:
 
     @property
     def adc_limit(self) -> int:
-        """Counts on either side of zero."""
+        """Number of converter counts on either side of zero."""
         return 2 ** (self.adc_bits - 1)
 
     @property
     def adc_step(self) -> float:
-        """One count of the converter, V."""
+        """Voltage of one converter count, V."""
         # The range lies on both sides of zero.
         return 2.0 * self.adc_range / 2**self.adc_bits
 
 
 @dataclass(frozen=True)
 class Recorder:
-    """The joint resolvers and the 1553 record."""
+    """Resolution and noise of the joint resolvers, as the 1553 record shows them."""
 
     resolver_bits: int = quantity(16, "bit", "assumed", "over one turn; 12 and 14 bit are the alternatives")
     noise: float = quantity(
@@ -275,13 +275,13 @@ class Recorder:
 
     @property
     def resolver_step(self) -> float:
-        """One count of the resolver, rad."""
+        """Angle of one resolver count, rad."""
         return 2.0 * pi / 2**self.resolver_bits
 
 
 @dataclass(frozen=True)
 class BusTerminal:
-    """A joint's terminal on the 1553 bus."""
+    """Delay of a joint's terminal on the 1553 bus."""
 
     delay: int = quantity(1, "samples", "derived", "nk - 1 of the published models (study joints); assumed elsewhere")
 

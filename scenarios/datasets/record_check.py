@@ -12,13 +12,16 @@ from scenarios.datasets.variables import GIVEN, WINDOW
 
 
 def file_problems(path: Path, hashes: Mapping[str, str], changed: bool, record: tuple[Any, ...] | None) -> list[str]:
-    """Compare the arrays of a file with the index, and check the metadata of a record.
+    """List what differs from the index in the arrays of a file and, for a record, what `record_problems` finds.
 
     Args:
         path: The file.
         hashes: Hashes of its arrays in the index.
         changed: Whether the hash of the whole file differs.
         record: Further arguments of `record_problems`; None for other files.
+
+    Returns:
+        One line for each problem.
     """
     contents = read_netcdf(path)
     problems: list[str] = []
@@ -36,7 +39,7 @@ def file_problems(path: Path, hashes: Mapping[str, str], changed: bool, record: 
 def record_problems(
     contents: Contents, attributes: Mapping[str, Any], joints: object, samples: int | None, withheld: int | None
 ) -> Iterator[str]:
-    """Check the metadata of a record.
+    """Compare attributes, times and channels of a record with index and spec; look for truth and withheld outputs.
 
     Args:
         contents: The record.
@@ -48,7 +51,7 @@ def record_problems(
     Yields:
         One line for each problem.
     """
-    stated = _plain(contents.attributes)
+    stated = _with_lists(contents.attributes)
     for key, value in attributes.items():
         if value is not None and stated.get(key) != value:
             yield f"attribute {key} is {stated.get(key)!r}, expected {value!r}"
@@ -56,21 +59,21 @@ def record_problems(
     for name, role in (("u", "input"), ("y", "output")):
         dim = WINDOW if withheld is not None and name == "y" else "sample"
         expected = {"dims": [dim, role], "dtype": "float64", "units": "rad", "role": role, "names": joints}
-        facts = _facts_of_channels(contents.variables, name, role)
-        if wrong := [key for key in expected if facts.get(key) != expected[key]]:
-            yield f"{name} has the {wrong[0]} {facts.get(wrong[0], 'none')}, expected {expected[wrong[0]]}"
+        actual = _channel_description(contents.variables, name, role)
+        if wrong := [key for key in expected if actual.get(key) != expected[key]]:
+            yield f"{name} has the {wrong[0]} {actual.get(wrong[0], 'none')}, expected {expected[wrong[0]]}"
     for name, variable in contents.variables.items():
         if withheld is not None:
             yield from _withholding_problems(name, variable, withheld)
-        facts = _plain(variable.attributes)
-        if facts.get("role") == "truth":
+        described = _with_lists(variable.attributes)
+        if described.get("role") == "truth":
             yield f"{name} is truth, which belongs into files of its own"
-        if variable.values.dtype.kind != "U" and not facts.get("units"):
+        if variable.values.dtype.kind != "U" and not described.get("units"):
             yield f"{name} has no unit"
 
 
 def _time_problems(variables: Mapping[str, Variable], samples: int | None) -> Iterator[str]:
-    """What is wrong with the numbers and times of the samples, and with how many there are."""
+    """Check the sample numbers, the sample times and the length of the record."""
     sample = variables["sample"].values if "sample" in variables else np.zeros(0)
     if sample.dtype != np.int64 or not np.array_equal(sample, np.arange(sample.size)):
         yield "sample does not count 0, 1, 2, ... in whole numbers"
@@ -81,27 +84,28 @@ def _time_problems(variables: Mapping[str, Variable], samples: int | None) -> It
         yield f"sample has shape {list(sample.shape)}, expected {samples} samples"
 
 
-def _facts_of_channels(variables: Mapping[str, Variable], name: str, role: str) -> dict[str, Any]:
-    """Attributes, dimensions, type and names of the channels of `u` or `y`, as far as they are there."""
-    facts: dict[str, Any] = {}
+def _channel_description(variables: Mapping[str, Variable], name: str, role: str) -> dict[str, Any]:
+    """Return attributes, dimensions, data type and channel names of `u` or `y`; what the file lacks is left out."""
+    description: dict[str, Any] = {}
     if name in variables:
         variable = variables[name]
-        facts = {**_plain(variable.attributes), "dims": list(variable.dims), "dtype": str(variable.values.dtype)}
+        dtype = str(variable.values.dtype)
+        description = {**_with_lists(variable.attributes), "dims": list(variable.dims), "dtype": dtype}
     if role in variables:
-        facts["names"] = variables[role].values.ravel()[:100].tolist()  # a hostile file may have any number
-    return facts
+        description["names"] = variables[role].values.ravel()[:100].tolist()  # a hostile file may have any number
+    return description
 
 
 def _withholding_problems(name: str, variable: Variable, window: int) -> Iterator[str]:
-    """What a variable reveals of outputs that are withheld behind the window."""
+    """Check that a variable holds no withheld outputs, and that its part of the window has the right length."""
     if "sample" in variable.dims and name not in GIVEN:
         yield f"{name} is given for all samples, and should be withheld behind the window"
     if WINDOW in variable.dims and len(variable.values) != window:
         yield f"{name} has {len(variable.values)} samples of the window, expected {window}"
 
 
-def _plain(attributes: Mapping[str, Attribute]) -> dict[str, Any]:
-    """Attributes without arrays, which compare element by element."""
+def _with_lists(attributes: Mapping[str, Attribute]) -> dict[str, Any]:
+    """Return attributes with arrays turned into lists: `==` of arrays is element by element."""
     plain: dict[str, Any] = {}
     for name, value in attributes.items():
         plain[name] = value.tolist() if isinstance(value, np.ndarray) else value

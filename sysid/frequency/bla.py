@@ -47,6 +47,7 @@ class BestLinearApproximation(Locked):
     periods: tuple[int, ...]
 
     def _parts(self) -> list[Part]:
+        """Realisations and periods, nonlinear distortion and the mean response, for the printed text."""
         heading = f"{self.realisations} realisation(s) of {min(self.periods)} or more periods"
         distortion = ""
         if self.realisations > 1:
@@ -57,7 +58,7 @@ class BestLinearApproximation(Locked):
     def distortion_percent(self) -> FloatArray:
         """Nonlinear distortion of each output in percent of its linear part, root mean squares (ny,).
 
-        Both are sums over the lines, on which an input of equal lines has equal power.
+        Both mean squares are plain sums over the lines: the input is taken to have equal power at every line.
         """
         excess = self.realisations * (self.total_variance - self.noise_variance)
         linear = np.abs(self.response.response) ** 2 - self.total_variance
@@ -102,7 +103,7 @@ def bla(
     if len(experiments) % nu:
         raise SysidError(f"with {nu} inputs a realisation takes {nu} records, got {len(experiments)} records in all")
     spectra = [_spectra(e, int(period), count) for e, count in zip(experiments, counts, strict=True)]
-    _check_period(experiments, period, counts)
+    _warn_unless_periodic(experiments, period, counts)
     power = np.sum([np.abs(u.mean(axis=0)) ** 2 for u, _ in spectra], axis=(0, 2))
     used = _excited_lines(lines, power, int(period), audible)
 
@@ -146,7 +147,7 @@ def bla(
 
 
 def _period_counts(experiments: Sequence[IOData], period: int) -> list[int]:
-    """Whole periods of each record; refuse fewer than two, whose scatter would be unknown."""
+    """Count the whole periods of each record; raises `SysidError` below two, which have no scatter."""
     counts = [len(e) // period for e in experiments]
     if min(counts) < 2:
         shortest = int(np.argmin(counts))
@@ -160,7 +161,7 @@ def _period_counts(experiments: Sequence[IOData], period: int) -> list[int]:
 def _realisation_response(
     records: Sequence[tuple[ComplexArray, ComplexArray]], lines: NDArray[np.int_], realisation: int
 ) -> tuple[ComplexArray, FloatArray]:
-    """Response G = Y U^-1 of a realisation, from the spectra of its records, and its variance by noise (nf, ny, nu).
+    """Return the response G = Y U^-1 of a realisation and its variance by noise, both (nf, ny, nu).
 
     Args:
         records: Spectra of inputs (periods, nf, nu) and outputs (periods, nf, ny) of as many records as inputs.
@@ -192,8 +193,8 @@ def _realisation_response(
     return g, variance
 
 
-def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[int]) -> None:
-    """Warn if the periods of an input differ."""
+def _warn_unless_periodic(experiments: Sequence[IOData], period: int, counts: Sequence[int]) -> None:
+    """Warn if an input does not repeat from period to period."""
     largest, label = 0.0, ""
     for k, (e, count) in enumerate(zip(experiments, counts, strict=True)):
         periods = e.u[len(e) - count * period :].reshape(count, period, -1)
@@ -213,7 +214,7 @@ def _check_period(experiments: Sequence[IOData], period: int, counts: Sequence[i
 
 
 def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexArray]:
-    """Transforms of the last `count` periods: (count, lines, nu) and (count, lines, ny)."""
+    """Fourier transforms of the last `count` periods of input (count, lines, nu) and output (count, lines, ny)."""
     # the last ones, as a transient has died out by then
     begin = len(e) - count * period
     u = e.u[begin:].reshape(count, period, -1)
@@ -222,7 +223,17 @@ def _spectra(e: IOData, period: int, count: int) -> tuple[ComplexArray, ComplexA
 
 
 def _excited_lines(lines: ArrayLike | None, power: FloatArray, period: int, audible: float) -> NDArray[np.int_]:
-    """Check the lines asked for, which must have power; by default those with enough of it."""
+    """Return the lines to estimate at: the requested ones if the input has power there, else all well excited ones.
+
+    Args:
+        lines: Requested lines; None: those with more power than `audible` times that of the strongest line.
+        power: Power of the inputs by line.
+        period: Length of a period in samples.
+        audible: Least power of an excited line, relative to the strongest one.
+
+    Raises:
+        SysidError: A requested line out of range or without power, or a constant input.
+    """
     # neither 0 Hz nor, of an even period, the Nyquist frequency
     last = (period - 1) // 2
     if lines is None:
@@ -272,7 +283,7 @@ def response_agreement(approximation: BestLinearApproximation, expected: Complex
         expected: The response at its lines (nf, ny, nu).
 
     Returns:
-        Differences and p-values.
+        Ratio of both responses, and p-values.
 
     Raises:
         SysidError: Shapes differ, or there is a single realisation.

@@ -14,7 +14,7 @@ INTEGER = 1e-9  # distance of a delay from a whole number of samples that is rou
 
 @dataclass(frozen=True, eq=False)
 class Sampled:
-    """State at the samples: x(k+1) = phi x(k) + sum over lags of gamma[lag] u(k - lag), and the delayed input there.
+    """Discrete-time dynamics x(k+1) = phi x(k) + sum over lags of gamma[lag] u(k - lag), exact at the samples.
 
     Attributes:
         phi: State transition over one sampling interval (n, n).
@@ -29,14 +29,14 @@ class Sampled:
     slopes: dict[int, float]
 
     def drive(self, u: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Effect (N, n) of inputs (N, m) that are zero before the record, and the initial state from rest (n,)."""
-        drive, x0 = np.zeros((len(u), len(self.phi))), np.zeros(len(self.phi))
+        """Return what inputs (N, m) add to each next state (N, n), and the first state (n,) if at rest before."""
+        contribution, x0 = np.zeros((len(u), len(self.phi))), np.zeros(len(self.phi))
         for lag, gamma in self.gamma.items():
-            drive += lagged_input(u, lag) @ gamma.T
+            contribution += lagged_input(u, lag) @ gamma.T
             if lag == -1:
                 # a linear input rises to its first value before the record
                 x0 = gamma @ u[0]
-        return drive, x0
+        return contribution, x0
 
 
 def sample(A: FloatArray, B: FloatArray, dt: float, delay: float = 0.0, intersample: str = "zoh") -> Sampled:
@@ -76,7 +76,7 @@ def sample(A: FloatArray, B: FloatArray, dt: float, delay: float = 0.0, intersam
 
 
 def lagged_input(u: FloatArray, lag: int) -> FloatArray:
-    """u(k - lag), zero outside the record, (N, m)."""
+    """Return u(k - lag) for each sample k, zero outside the record (N, m)."""
     out = np.zeros_like(u)
     if lag < 0:
         out[:lag] = u[-lag:]
@@ -86,7 +86,7 @@ def lagged_input(u: FloatArray, lag: int) -> FloatArray:
 
 
 def _integrals(A: FloatArray, B: FloatArray, dt: float, time: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """exp(A t), and the states after `time` from rest for u = 1 and u = t/dt."""
+    """Return exp(A time), and the states after `time` from rest for inputs u = 1 and u = t / dt."""
     n, m = B.shape
     states, steps, ramps = slice(0, n), slice(n, n + m), slice(n + m, n + 2 * m)
     # steps and ramps as further states, u' = 1/dt: a single exponential integrates all of them, also for a singular A
