@@ -19,6 +19,7 @@ from scenarios.commands.output import (
 )
 from scenarios.commands.usage import command_line
 from scenarios.files.errors import ScenarioError
+from scenarios.identification.methods import ESTIMATORS
 
 if TYPE_CHECKING:
     from scenarios.identification.identification import Identification
@@ -34,7 +35,7 @@ FIGURES = ("record", "outputs", "bode", "step", "roots", "residuals")
 def identify(
     data: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA ...")],
     *,
-    method: Annotated[str | None, tyro.conf.arg(metavar="arx|armax|oe|bj|iv4|okid|n4sid|pem_ss")] = None,
+    method: Annotated[str | None, tyro.conf.arg(metavar="|".join(ESTIMATORS))] = None,
     orders: tuple[int, ...] = (),
     joint: str | None = None,
     input: tuple[str, ...] = ("u",),
@@ -62,10 +63,9 @@ def identify(
     bj. The last quarter of the record, of several the longest, then judges the model, unless --validate names another
     or --held-out another part. The verdict calls no model sufficient whose simulated fit is below 50 %.
 
-    Methods and their orders: arx na nb [nk], armax na nb nc [nk], oe nb nf [nk], bj nb nc nd nf [nk], iv4 na nb [nk],
-    okid order [p], n4sid order, pem_ss order. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5 (the
-    default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders for
-    each), okid, n4sid and pem_ss also several outputs.
+    Methods and their orders: {methods_with_orders}. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5
+    (the default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders
+    for each), {methods_of_several_outputs} also several outputs.
 
     It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat and .nc
     files (variables by name) and tables as text (.csv, .txt, .dat or any other ending). Columns of tables are separated
@@ -159,6 +159,18 @@ def identify(
     say_each("figure: ", pictures)
     _say_next(options, save, has_figures=bool(pictures))
     return 0
+
+
+def _with_methods(text: str) -> str:
+    """The help text with the methods of the table."""
+    usages = [f"{name} {method.usage}" for name, method in ESTIMATORS.items()]
+    *first, last = [name for name, method in ESTIMATORS.items() if method.outputs]
+    return text.format(
+        methods_with_orders=", ".join(usages), methods_of_several_outputs=f"{', '.join(first)} and {last}"
+    )
+
+
+identify.__doc__ = _with_methods(identify.__doc__ or "")
 
 
 def _say_next(options: Mapping[str, Any], save: Path | None, *, has_figures: bool) -> None:

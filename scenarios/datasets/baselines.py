@@ -21,15 +21,17 @@ from scenarios.datasets.data_set import DataRecord, DataSet, open_data_set
 from scenarios.datasets.plan import BASELINES, INDEX, DataSetPlan, arm_file
 from scenarios.datasets.record_block import PARTS
 from scenarios.datasets.score import Scores, score_outputs
-from scenarios.datasets.spec import BaselineSpec, Method
+from scenarios.datasets.spec import TRUTH, BaselineSpec, Method
 from scenarios.datasets.tables import table_text
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
-from scenarios.identification.methods import ESTIMATORS, estimate
-from scenarios.identification.nonlinear_methods import NONLINEAR, RECORDS_ALONE, Known
+from scenarios.identification.methods import METHODS, Knowledge, estimate
 from sysid import IOData, SysidError, SysidWarning
 from sysid.polynomial.fit_with_offset import fit_with_offset
-from sysid.validation.predictors import Hold, ModelPredictor, Predictor, StackedPredictor, StaticGain
+from sysid.validation.predictors import ModelPredictor, Predictor, StackedPredictor
+
+RECORDS_ALONE = Knowledge()
+"""Nothing is known besides the records."""
 
 
 class Baseline(NamedTuple):
@@ -112,13 +114,13 @@ class _Identification:
     def __init__(self, data: BaselineData, method: Method) -> None:
         self.data, self.method = data, method
         self.steps = data.data_set.spec.scoring.steps
-        self.uses_truth = method.name in NONLINEAR and NONLINEAR[method.name].truth
+        self.uses_truth = method.name != TRUTH and METHODS[method.name].needs_truth
         self.trained: dict[str, None] = {}  # names of training records, in order
         self._models: dict[tuple[str, ...], Predictor] = {}
 
     def predicted(self, record: DataRecord) -> np.ndarray:
         """Predict the outputs of a record with the model for it."""
-        if self.method.name == "truth":
+        if self.method.name == TRUTH:
             training: tuple[DataRecord, ...] = ()
             arm = record.arm
         else:
@@ -132,13 +134,13 @@ class _Identification:
 
     def _model(self, record: DataRecord, training: Sequence[DataRecord]) -> Predictor:
         data_set = self.data.data_set
-        if self.method.name == "truth":
+        if self.method.name == TRUTH:
             return _true_predictor(data_set, record.arm, record.joints)
-        knowledge = Known(data_set.spec.seed)
+        knowledge = Knowledge(data_set.spec.seed)
         if self.uses_truth:
             zones = [dead_zone(data_set, train_record.arm, record.joints[0]) for train_record in training]
             own_zone = dead_zone(data_set, record.arm, record.joints[0])
-            knowledge = Known(data_set.spec.seed, tuple(zones), own_zone)
+            knowledge = Knowledge(data_set.spec.seed, tuple(zones), own_zone)
         train_data = [_with_channels(train_record, record.joints) for train_record in training]
         model = identified(self.method, train_data, knowledge)
         self.trained.update(dict.fromkeys(train_record.name for train_record in training))
@@ -164,40 +166,37 @@ def baseline(data: BaselineData, method: Method) -> Baseline:
     # A joint may have validation records and no training record; only the truth has a model for it.
     trained_joints = {frozenset(record.joints) for record in data.train}
     with_model = data.records["validation"]
-    if method.name != "truth":
+    if method.name != TRUTH:
         with_model = tuple(record for record in with_model if frozenset(record.joints) in trained_joints)
     validation = score_outputs(scoring, with_model, identification.predicted) if with_model else None
     return Baseline(test, validation, tuple(identification.trained))
 
 
-def identified(method: Method, parts: Sequence[IOData], known: Known = RECORDS_ALONE) -> Predictor:
+def identified(method: Method, parts: Sequence[IOData], knowledge: Knowledge = RECORDS_ALONE) -> Predictor:
     """Identify a predictor from records, its operating point with it.
 
     Args:
         method: The method; not the truth.
         parts: Training records with the same channels.
-        known: What a nonlinear method may know besides them.
+        knowledge: What a method may know besides them.
 
     Raises:
         ScenarioError: Orders or records that a nonlinear method cannot use.
         SysidError: The estimator refuses the records.
     """
-    if method.name == "hold":
-        return Hold(np.concatenate([part.y for part in parts]).mean(axis=0))
-    if method.name == "gain":
-        return StaticGain.fitted(parts)
-    if parts[0].ny > 1 and not (method.name in ESTIMATORS and ESTIMATORS[method.name].outputs):
+    entry = METHODS[method.name]
+    if parts[0].ny > 1 and not entry.outputs:
         # A method of one output has a model of every output, from all inputs.
         models = []
         for output in range(parts[0].ny):
             parts_of_output = [part.select(outputs=[output]) for part in parts]
-            models.append(identified(method, parts_of_output, known))
+            models.append(identified(method, parts_of_output, knowledge))
         return StackedPredictor(tuple(models))
     with warnings.catch_warnings():
         # A poor model shows in its score.
         warnings.simplefilter("ignore", SysidWarning)
-        if method.name in NONLINEAR:
-            return NONLINEAR[method.name].run(parts, method.orders, known)
+        if entry.returns == "predictor":
+            return entry.predictor(parts, method.orders, knowledge)
         model = fit_with_offset(partial(estimate, method=method.name, orders=method.orders), parts).estimate
     return ModelPredictor(model.model, *(model.operating_point or ()))
 

@@ -19,11 +19,16 @@ from scenarios.experiments.waveform import check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
-from scenarios.identification.methods import ESTIMATORS
-from scenarios.identification.nonlinear_methods import NONLINEAR
+from scenarios.identification.methods import METHODS
 
-TRIVIAL = ("hold", "gain", "truth")
-"""Methods without orders: hold the last output of the window, a static gain, the small-signal truth."""
+TRUTH = "truth"
+"""The small-signal truth in place of an identified model."""
+
+IDENTIFIED = tuple(name for name, method in METHODS.items() if method.returns in ("estimate", "predictor"))
+"""Methods of identification that can be baselines."""
+
+TRIVIAL = (*(name for name in IDENTIFIED if not METHODS[name].orders), TRUTH)
+"""Baselines without orders: hold the last output of the window, a static gain, the truth."""
 
 USUAL = ("hold", "gain", "arx:4/4", "armax:3/3/3", "iv4:2/2", "oe:2/2", "oe:3/3", "okid:2/5", "n4sid:3", "truth")
 """The models of a spec that names none."""
@@ -34,7 +39,7 @@ class Method:
     """A method of identification with its orders.
 
     Attributes:
-        name: One of `TRIVIAL`, an estimator of the command line, or one of `NONLINEAR`.
+        name: One of `TRIVIAL` or `IDENTIFIED`.
         orders: Its orders, completed by their defaults.
     """
 
@@ -46,15 +51,10 @@ class Method:
             if self.orders:
                 raise ScenarioError(f"method {self.name} given orders {self.orders}, expected none")
             return
-        orders: Mapping[str, int | tuple[int, ...]]
-        if self.name in NONLINEAR:
-            orders = NONLINEAR[self.name].checked(self.name, self.orders)
-        elif self.name in ESTIMATORS:
-            orders = ESTIMATORS[self.name].complete(self.name, self.orders)
-        else:
-            raise ScenarioError(unknown("method", self.name, (*TRIVIAL, *ESTIMATORS, *NONLINEAR)))
+        if self.name not in IDENTIFIED:
+            raise ScenarioError(unknown("method", self.name, dict.fromkeys((*TRIVIAL, *IDENTIFIED))))
         # The dataclass is frozen; the same method with its defaults written out must be equal to it.
-        object.__setattr__(self, "orders", tuple(orders.values()))
+        object.__setattr__(self, "orders", tuple(METHODS[self.name].complete(self.orders).values()))
 
     @classmethod
     def parsed(cls, method: str) -> "Method":

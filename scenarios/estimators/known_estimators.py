@@ -1,4 +1,4 @@
-"""Estimators that the test bench knows by name, those of `known_estimators.toml`: ours and other packages."""
+"""Estimators that the test bench knows by name: the toolbox's methods, and those of `known_estimators.toml`."""
 
 import shlex
 import subprocess
@@ -13,6 +13,7 @@ from types import MappingProxyType
 from scenarios.estimators.estimator import Estimator
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
+from scenarios.identification.methods import BENCH_ENTRIES
 
 OCTAVE = Path(__file__).parent / "octave"
 
@@ -84,6 +85,16 @@ def estimator(name: str) -> Estimator:
     return KNOWN[name].versioned()
 
 
+def _ours() -> dict[str, KnownEstimator]:
+    """The methods of identification that have an entry for the bench."""
+    estimators = {}
+    for method_name, entry in BENCH_ENTRIES.items():
+        name, target = f"our-{method_name.replace('_', '-')}", f"scenarios.estimators.ours:{method_name}"
+        declared = Estimator(name, target, structure=entry.structure, method=entry.method, settings=entry.settings)
+        estimators[name] = KnownEstimator(declared)
+    return estimators
+
+
 def _read() -> dict[str, KnownEstimator]:
     estimators = {}
     path = Path(__file__).with_suffix(".toml")
@@ -96,5 +107,5 @@ def _read() -> dict[str, KnownEstimator]:
     return estimators
 
 
-KNOWN = MappingProxyType(_read())
+KNOWN = MappingProxyType(_ours() | _read())
 """Known estimators by name, also those whose packages are not installed."""

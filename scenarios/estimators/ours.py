@@ -1,9 +1,11 @@
-"""The toolbox's estimators on the test bench, called as a user calls them with the orders of the task.
+"""The toolbox's methods on the test bench, called as a user calls them with the orders of the task.
 
-Where the task leaves the orders open, Schwarz's criterion (BIC) chooses them, from one to the highest order.
+`ours.NAME` is the method of that name in `scenarios/identification/methods.toml`; only what differs there from a call
+with given orders stands here. Where the task leaves the orders open, Schwarz's criterion (BIC) chooses them, from one
+to the highest order.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
@@ -13,9 +15,9 @@ import sysid
 from scenarios.estimators.outcome import Answer
 from scenarios.estimators.returned import estimate_answer
 from scenarios.estimators.task import Task, require
+from scenarios.identification.methods import BENCH_ENTRIES, METHODS
 from sysid import Estimate, IOData
 from sysid.polynomial.structures import STRUCTURES
-from sysid.subspace import markov_parameters
 from sysid.validation import choose_orders
 
 LEAST_P, P_PER_ORDER = 20, 2
@@ -24,35 +26,38 @@ LEAST_P, P_PER_ORDER = 20, 2
 SAMPLES_PER_UNKNOWN = 5
 """Equations that OKID has at least for each of its unknowns, as far as the order allows."""
 
-SCAN_ITERATIONS = 20
-"""Of each search while orders are chosen: only models that are too large need more, and they take very long."""
-
-POLYNOMIAL: dict[str, Callable[..., Estimate]] = {name: getattr(sysid, name) for name in ("arx", "armax", "oe", "bj")}
-"""Prediction-error estimators of polynomials, by structure."""
-
 PULSES, MOST_INPUT_COLUMNS = 200, 0.2
 """Values of the pulse response that ERA realises, and the most columns of inputs, as a share of the samples."""
 
 
-def arx(data: IOData, task: Task) -> Answer:
-    """A y = B u + e by least squares."""
-    return estimate_answer(_polynomial(sysid.arx, "arx", data, task, arx_orders), task)
+def __getattr__(name: str) -> Callable[[IOData, Task], Answer]:
+    if name not in BENCH_ENTRIES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return partial(answer, name)
 
 
-def iv4(data: IOData, task: Task) -> Answer:
-    """A y = B u + disturbance of any colour by instrumental variables."""
-    choose = partial(scanned_orders, sysid.iv4, simulated=True)
-    answer = estimate_answer(_polynomial(sysid.iv4, "arx", data, task, choose), task)
-    # Its white equation error is an auxiliary quantity: no model of the disturbance is claimed.
-    return replace(answer, model=replace(answer.model, K=None, innovation_covariance=None))
+def answer(name: str, data: IOData, task: Task) -> Answer:
+    """Estimate by a method of the table, and claim what the estimate knows.
+
+    Args:
+        name: The method.
+        data: The record.
+        task: What is asked.
+
+    Raises:
+        NotImplementedError: The method does not do this.
+    """
+    result = estimate_answer(estimate(name, data, task), task)
+    if BENCH_ENTRIES[name].noise_model:
+        return result
+    return replace(result, model=replace(result.model, K=None, innovation_covariance=None))
 
 
 def era(data: IOData, task: Task) -> Answer:
     """ERA on the pulse response by least squares on past inputs alone; no noise model, no covariance."""
     require(task, "ss", no_choice="ERA by itself has no criterion; okid has one")
     count = min(PULSES, int(MOST_INPUT_COLUMNS * len(data) / data.nu))
-    markov = markov_parameters(data, count)
-    return Answer(sysid.era(markov, task.orders["order"], dt=data.dt).model)
+    return Answer(METHODS["era"].function(data, task.orders["order"], count))
 
 
 def pem(data: IOData, task: Task) -> Answer:
@@ -62,10 +67,35 @@ def pem(data: IOData, task: Task) -> Answer:
 
 def prediction_error(data: IOData, task: Task) -> Estimate:
     """The estimate behind `pem`."""
-    if task.structure == "ss":
-        return _state_space(_pem_ss, data, task)
-    choose = arx_orders if task.structure == "arx" else None
-    return _polynomial(POLYNOMIAL[task.structure], task.structure, data, task, choose)
+    return estimate("pem_ss" if task.structure == "ss" else task.structure, data, task)
+
+
+def estimate(name: str, data: IOData, task: Task) -> Estimate:
+    """Estimate by a method of the table, with the orders of the task, or those that the criterion chooses.
+
+    Raises:
+        NotImplementedError: The method does not do this.
+    """
+    bench = BENCH_ENTRIES[name]
+    of_one_output = None if METHODS[name].outputs else data
+    require(task, bench.structure, of_one_output)
+    estimator: Callable[..., Estimate] = _okid if name == "okid" else METHODS[name].function
+    fit = partial(estimator, **bench.options)
+    orders = task.orders
+    if task.chooses:
+        orders = _chosen_orders(name, partial(fit, **bench.search), data, task)
+    return fit(data, *(orders[order] for order in STRUCTURES[bench.structure]))
+
+
+def _chosen_orders(name: str, estimator: Callable[..., Estimate], data: IOData, task: Task) -> dict[str, int]:
+    # Linear least squares is quick enough to try every combination of orders.
+    if name == "arx":
+        return arx_orders(data, task)
+    return scanned_orders(estimator, data, task, simulated=not BENCH_ENTRIES[name].noise_model)
+
+
+def _okid(data: IOData, order: int, *, direct: bool) -> Estimate:
+    return sysid.okid(data, order, p=observer_parameters(data, order), direct=direct)
 
 
 def observer_parameters(data: IOData, order: int) -> int:
@@ -107,43 +137,3 @@ def scanned_orders(
         candidates.append(tuple(sizes[name] for name in names))
     best = choose_orders(estimator, data, names, candidates, simulated=simulated)
     return {name: int(np.max(value)) for name, value in best.items()}
-
-
-def _pem_ss(data: IOData, order: int) -> Estimate:
-    return sysid.pem_ss(data, sysid.n4sid(data, order, direct=False), direct=False)
-
-
-def _okid(data: IOData, order: int) -> Estimate:
-    return sysid.okid(data, order, p=observer_parameters(data, order), direct=False)
-
-
-def _polynomial(
-    estimator: Callable[..., Estimate],
-    structure: str,
-    data: IOData,
-    task: Task,
-    choose: Callable[[IOData, Task], Mapping[str, int]] | None = None,
-) -> Estimate:
-    require(task, structure, data)
-    choose = choose or partial(scanned_orders, partial(estimator, max_iterations=SCAN_ITERATIONS))
-    orders = task.orders or choose(data, task)
-    return estimator(data, *(orders[name] for name in STRUCTURES[structure]))
-
-
-def _state_space(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Estimate:
-    require(task, "ss")
-    orders = task.orders or scanned_orders(estimator, data, task)
-    return estimator(data, orders["order"])
-
-
-def _state_space_answer(estimator: Callable[[IOData, int], Estimate], data: IOData, task: Task) -> Answer:
-    return estimate_answer(_state_space(estimator, data, task), task)
-
-
-def _polynomial_answer(structure: str, data: IOData, task: Task) -> Answer:
-    return estimate_answer(_polynomial(POLYNOMIAL[structure], structure, data, task), task)
-
-
-armax, oe, bj = (partial(_polynomial_answer, name) for name in ("armax", "oe", "bj"))
-n4sid = partial(_state_space_answer, partial(sysid.n4sid, direct=False))
-pem_ss, okid = (partial(_state_space_answer, estimator) for estimator in (_pem_ss, _okid))

@@ -139,7 +139,7 @@ def fit_model(
         for i in range(first.ny):
             row = [bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu)]
             claims.append(tuple(row))
-    return FittedModel(model, ESTIMATORS[method].complete(method, orders), used, band, tuple(claims))
+    return FittedModel(model, ESTIMATORS[method].complete(orders), used, band, tuple(claims))
 
 
 def identify(

@@ -12,7 +12,7 @@ from sysid.plots import PALETTE, Style
 IDENTIFICATION, FIGURES = "the identification", "the drawing"
 """Names of the work."""
 
-COLOURS = (*ESTIMATORS, "tfest", "polyest", "welch", "cra")
+COLOURS = tuple(name for name in (*ESTIMATORS, "tfest", "polyest", "welch", "cra") if name in PALETTE)
 """Styles of models; each is used once while there are any."""
 
 

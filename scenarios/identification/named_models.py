@@ -78,7 +78,7 @@ def parse_model_name(text: str) -> ModelName:
             f"model {text!r}: expected whole orders apart by slashes, of {DIGITS} digits at most, as in oe:2/2/1"
         )
     orders = tuple(int(word) for word in words)
-    ESTIMATORS[kind].complete(kind, orders)
+    ESTIMATORS[kind].complete(orders)
     return ModelName(text, kind, orders=orders)
 
 

@@ -235,7 +235,7 @@ def recover(
                 row |= _of_response(_response(data, method, recording.setting.period), recording)
             else:
                 row["label"] = chosen.label
-                row["orders"] = ESTIMATORS[chosen.estimator].complete(chosen.estimator, chosen.orders)
+                row["orders"] = ESTIMATORS[chosen.estimator].complete(chosen.orders)
                 # The record is settled and without means already.
                 row |= _of_model(fit_model([data], chosen.estimator, chosen.orders, keep_mean=True))
         except SysidError as error:

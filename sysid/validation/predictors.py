@@ -111,6 +111,11 @@ class Hold:
         last = np.arange(len(record)) - steps if steps else np.full(len(record), record.window - 1)
         return np.where((last >= 0)[:, None], record.y[np.maximum(last, 0)], self.level)
 
+    @classmethod
+    def fitted(cls, parts: Sequence[IOData]) -> "Hold":
+        """Take the mean of all records for the level."""
+        return cls(np.concatenate([record.y for record in parts]).mean(axis=0))
+
 
 @dataclass(frozen=True, eq=False)
 class StaticGain:

@@ -7,9 +7,9 @@ import pytest
 
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.hammerstein_loop import hammerstein_loop, simulate_loop
+from scenarios.identification.methods import METHODS
 from scenarios.identification.narx import forward_regression, narx
 from scenarios.identification.neural_state_space import neural_ss, simulate_neural
-from scenarios.identification.nonlinear_methods import NONLINEAR
 from sysid import IOData
 from tests.refusals import refused
 
@@ -201,5 +201,5 @@ def test_records_and_orders_that_do_not_fit_are_refused():
         ("hammerstein", (1, 2, 0), "nk = 0 given"),
     ):
         with pytest.raises(ScenarioError, match=match):
-            NONLINEAR[name].checked(name, orders)
-    assert NONLINEAR["hammerstein"].checked("hammerstein", (2, 2)) == {"nb": 2, "nf": 2, "nk": 1}
+            METHODS[name].complete(orders)
+    assert METHODS["hammerstein"].complete((2, 2)) == {"nb": 2, "nf": 2, "nk": 1}
