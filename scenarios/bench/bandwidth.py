@@ -1,7 +1,7 @@
 """Bandwidth: the value recovered for each joint of the arm, beside the truth and the 1 Hz of the thesis."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from itertools import product
 from typing import Any
@@ -12,6 +12,7 @@ from scenarios.bench.amplitude_split import JOINTS, AmplitudeSplit
 from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.metric import NAN, Evidence, Metric, MetricDefinition, Part, unjudged
 from scenarios.estimators.outcome import MODEL
+from scenarios.files.codec import Extended, structure
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.problems.trial import Trial
 from sysid.validation.monte_carlo import exact_interval_of_share
@@ -31,6 +32,50 @@ WHY = (
     "each joint [Morris1996, sec. VI.6], and whether that is true: near 1 Hz and right are two questions. Friction and "
     "the velocity limit lower the best linear truth below that of small signals"
 )
+
+
+@dataclass(frozen=True)
+class BandwidthClass:
+    """Bandwidths recovered from the records of one excitation of a joint, beside the true ones, all in Hz.
+
+    Attributes:
+        label: Joint, excitation and amplitude.
+        variant: Of the twin.
+        joint: Of the arm.
+        excitation: Kind of the excitation.
+        mrad: Its amplitude.
+        hz: Claimed bandwidths.
+        models: Number of records with a model.
+        near: Number of records whose bandwidth is about 1 Hz.
+        small_signal: Of the linearised arm, without dry friction.
+        best_linear: Of the best linear approximation; NaN where it has none.
+        best_linear_ci95: Its 95 % interval.
+        published: Of the models that the thesis prints, by name.
+    """
+
+    label: str
+    variant: str
+    joint: str
+    excitation: str
+    mrad: float
+    hz: tuple[Extended, ...]
+    models: int
+    near: int
+    small_signal: Extended
+    best_linear: Extended
+    best_linear_ci95: tuple[Extended, Extended]
+    published: Mapping[str, Extended]
+
+
+def bandwidth_classes(metrics: Mapping[str, Metric]) -> tuple[BandwidthClass, ...]:
+    """The classes of excitation of the metric's curves; none where the run has no bandwidths or no models.
+
+    Raises:
+        ScenarioError: The curves, which come from a file, are damaged.
+    """
+    metric = metrics.get("bandwidth")
+    classes = () if metric is None else metric.curves.get("classes", ())
+    return structure(tuple[BandwidthClass, ...], classes, "classes")
 
 
 @lru_cache(maxsize=64)
@@ -92,10 +137,11 @@ class BandwidthMetric(MetricDefinition):
         metric_parts = [_part(row) for row in rows] or [unjudged("all joints", "no record has a model")]
         shown = _furthest_from_truth(rows, metric_parts)
         of_shown = f"The number is that of {shown.label}: {shown.why}. " if rows else ""
-        near = sum(row["near"] for row in rows)
-        models = sum(row["models"] for row in rows)
+        near = sum(row.near for row in rows)
+        models = sum(row.models for row in rows)
         why = f"{WHY}. {of_shown}All joints together: {_share_near_1_hz(near, models)}"
-        curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": rows, "near": near, "models": models}
+        classes = [asdict(row) for row in rows]
+        curves = {"about_1_hz": list(ABOUT_1_HZ), "classes": classes, "near": near, "models": models}
         return replace(self.of_parts(metric_parts, 0.0, why, curves, shown=shown), why=why)
 
 
@@ -104,13 +150,13 @@ def _excitation_class(problem: str) -> str:
     return "-".join(problem.partition("@")[0].split("-")[:5])
 
 
-def _furthest_from_truth(rows: Sequence[dict[str, Any]], metric_parts: Sequence[Part]) -> Part:
+def _furthest_from_truth(rows: Sequence[BandwidthClass], metric_parts: Sequence[Part]) -> Part:
     """The part of the largest amplitude whose median is furthest, as a ratio, from its best linear truth."""
-    largest = max((row["mrad"] for row in rows if row["hz"]), default=NAN)
+    largest = max((row.mrad for row in rows if row.hz), default=NAN)
     candidates = []
     # Without rows there is one part all the same, which says so.
     for row, part_of_row in zip(rows, metric_parts, strict=False):
-        if row["hz"] and row["mrad"] == largest:
+        if row.hz and row.mrad == largest:
             # NaN where there is no best linear truth: no distance
             distance = np.nan_to_num(abs(np.log(part_of_row.value / part_of_row.expected)))
             candidates.append((distance, part_of_row))
@@ -119,25 +165,25 @@ def _furthest_from_truth(rows: Sequence[dict[str, Any]], metric_parts: Sequence[
     return max(candidates, key=lambda candidate: candidate[0])[1]
 
 
-def _row(name: str, group: Measurements) -> dict[str, Any]:
+def _row(name: str, group: Measurements) -> BandwidthClass:
     """Bandwidths claimed for one class of excitation, beside the true ones."""
     lowest, truths = true_bandwidths(name)
     # twin-VARIANT-JOINT-EXCITATION-AMPLITUDEmrad
     _, variant, joint, excitation, amplitude = name.split("-")
     bandwidths = [_claimed(m, lowest) for m in group]
-    claimed = [hz for hz in bandwidths if np.isfinite(hz)]
+    claimed = tuple(hz for hz in bandwidths if np.isfinite(hz))
     mrad = float(amplitude.removesuffix("mrad"))
-    return {
-        "label": f"{joint} {excitation} {mrad:g} mrad",
-        "variant": variant,
-        "joint": joint,
-        "excitation": excitation,
-        "mrad": mrad,
-        "hz": claimed,
-        "models": len(group),
-        "near": sum(map(near_1_hz, claimed)),
+    return BandwidthClass(
+        label=f"{joint} {excitation} {mrad:g} mrad",
+        variant=variant,
+        joint=joint,
+        excitation=excitation,
+        mrad=mrad,
+        hz=claimed,
+        models=len(group),
+        near=sum(map(near_1_hz, claimed)),
         **truths,
-    }
+    )
 
 
 def _claimed(m: Measurement, lowest: float) -> float:
@@ -153,16 +199,16 @@ def _claimed(m: Measurement, lowest: float) -> float:
     return hz
 
 
-def _part(row: dict[str, Any]) -> Part:
+def _part(row: BandwidthClass) -> Part:
     """The part of one class: median and 95 % range of its bandwidths; of fewer than forty it is the whole range."""
-    values, median, ends = np.array(row["hz"]), NAN, (NAN, NAN)
+    values, median, ends = np.array(row.hz), NAN, (NAN, NAN)
     if len(values):
         median = float(np.median(values))
         # Order statistics: nothing is interpolated between so few records.
         low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf")
         ends = (float(low), float(high))
-    why = f"{_share_near_1_hz(row['near'], row['models'])}; small signals {row['small_signal']:.3g} Hz"
-    return unjudged(row["label"], why, row["models"], median, row["best_linear"], ends)
+    why = f"{_share_near_1_hz(row.near, row.models)}; small signals {row.small_signal:.3g} Hz"
+    return unjudged(row.label, why, row.models, median, row.best_linear, ends)
 
 
 def _share_near_1_hz(near: int, models: int) -> str:

@@ -2,25 +2,26 @@
 
 import textwrap
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import chain, cycle
 from math import isfinite, isnan
 from typing import Any, Literal
 
+import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from scenarios.bench.leaderboard_rows import Curve, LeaderboardRow, common_problems, listed
-from scenarios.bench.leaderboard_tables import title, unit
-from scenarios.bench.leaderboard_verdict import WORDS, Verdict, part_verdict
-from scenarios.bench.metric import Part
+from scenarios.bench.leaderboard import Curve, Leaderboard, LeaderboardRow
+from scenarios.bench.leaderboard_tables import title_of
+from scenarios.bench.leaderboard_words import CAPTIONS
+from scenarios.bench.metric import Part, Verdict
 from scenarios.bench.result_table import number
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import WIDTH, dress, plain_marks
-from scenarios.report.figures import Gallery, Picture
+from scenarios.report.figures import SETTINGS, Picture, picture
 from sysid.plots.palette import BOUND, DISTORTION, INK, NOISE, PALETTE, Style
 
 MOST_COLUMNS = 4
@@ -58,21 +59,29 @@ Drawing = tuple[Figure, str] | None
 """A figure and its caption; None where no row has the numbers for it."""
 
 
-def add(gallery: Gallery, drawing: Drawing, name: str) -> Picture | None:
-    """Add a figure with its caption to the page; None where there is none."""
-    if drawing is None:
-        return None
-    figure, caption = drawing
+def pictures(board: Leaderboard) -> dict[str, Picture]:
+    """All drawings of the page by the metric that they show; those are left out that no row has the numbers for."""
+    made = {}
+    # Settings of all pages: text as paths, and equal figures as equal text.
+    with matplotlib.rc_context(SETTINGS):
+        for index, (name, draw) in enumerate(DRAWINGS.items()):
+            drawing = draw(board)
+            if drawing is not None:
+                made[name] = _picture(*drawing, name, f"f{index}")
+    return made
+
+
+def _picture(figure: Figure, caption: str, name: str, mark: str) -> Picture:
     for words in figure.findobj(Text):
         # Names of estimators are no formulas, whatever signs they have.
         words.set_parse_math(False)
     with warnings.catch_warnings():
         # Names in scripts that the font lacks are boxes in the drawing; the tables have them whole.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font", category=UserWarning)
-        return gallery.add(figure, caption, name=name.replace("_", "-"))
+        return picture(figure, caption, name, mark)
 
 
-def styles(rows: Sequence[LeaderboardRow]) -> dict[int, Style]:
+def _styles(rows: Sequence[LeaderboardRow]) -> dict[int, Style]:
     """Style of each estimator by its number: that of the method that its name ends in, else one that is free.
 
     With more estimators than styles, styles repeat; drawings name each estimator by its number too.
@@ -91,25 +100,26 @@ def styles(rows: Sequence[LeaderboardRow]) -> dict[int, Style]:
     return chosen
 
 
-def parts_drawn(rows: Sequence[LeaderboardRow], name: str, scale: str, containing: str = "") -> Drawing:
-    """A panel for each part of a metric, a line for each estimator in it.
+def parts_drawn(board: Leaderboard, name: str, scale: str, containing: str = "") -> Drawing:
+    """A panel for each part of a metric that has a value in any row, a line for each estimator in it.
 
     Args:
-        rows: The rows.
+        board: The estimators.
         name: Of the metric.
         scale: Of its axis: linear, log, or symlog, which is linear up to 1.
         containing: Parts are drawn whose labels hold this; all where none does.
     """
-    labels = _measured_labels(rows, name)
+    parts = chain.from_iterable(row.parts(name) for row in board.rows)
+    measured = list(dict.fromkeys(metric_part.label for metric_part in parts if isfinite(metric_part.value)))
+    labels = [label for label in measured if containing in label] or measured
     if not labels:
         return None
-    labels = [label for label in labels if containing in label] or labels
-    figure, panels = _strips(rows, labels[:MOST_PANELS])
+    figure, panels = _strips(board.rows, labels[:MOST_PANELS])
     axes = next(iter(panels.values()))
     scale_options = {"linthresh": 1.0} if scale == "symlog" else {}
     axes.set_xscale(scale, **scale_options)
-    row_styles = styles(rows)
-    for line, row in enumerate(rows):
+    row_styles = _styles(board.rows)
+    for line, row in enumerate(board.rows):
         for metric_part in row.parts(name):
             if metric_part.label in panels:
                 _draw_part(panels[metric_part.label], line, metric_part, row_styles[row.number].colour)
@@ -120,19 +130,13 @@ def parts_drawn(rows: Sequence[LeaderboardRow], name: str, scale: str, containin
         plain_marks(axes.xaxis, axes.get_xlim())
     elif scale == "symlog":
         axes.xaxis.set_major_formatter("{x:g}")
-    figure.supxlabel(unit(rows, name).removeprefix(" / "), fontsize=8)
+    figure.supxlabel(board.metrics[name].unit, fontsize=8)
     for verdict in Verdict:
         look: dict[str, Any] = {"color": INK, "ls": "", "ms": 5, "mfc": _filling(verdict, INK)}
         axes.plot([], [], marker=verdict.marker, label=verdict.word, **look)
     _add_legend(figure)
     rest = f" Drawn are {MOST_PANELS} of {len(labels)} parts." if len(labels) > MOST_PANELS else ""
-    return figure, f"{title(rows, name)}, {WORDS['captions']['parts']}{rest}"
-
-
-def _measured_labels(rows: Sequence[LeaderboardRow], name: str) -> list[str]:
-    """Labels of the parts that have a value in any row."""
-    parts = chain.from_iterable(row.parts(name) for row in rows)
-    return list(dict.fromkeys(metric_part.label for metric_part in parts if isfinite(metric_part.value)))
+    return figure, f"{title_of(board, name)}, {CAPTIONS['parts']}{rest}"
 
 
 def _draw_part(axes: Axes, line: int, metric_part: Part, colour: str) -> None:
@@ -142,7 +146,7 @@ def _draw_part(axes: Axes, line: int, metric_part: Part, colour: str) -> None:
     for limit, bracket in zip(metric_part.limits, ("$[$", "$]$"), strict=True):
         axes.plot(limit, line, marker=bracket, color=BOUND.colour, ms=7, mew=0.3)
     axes.plot(metric_part.interval, (line, line), color=colour, lw=1.6)
-    verdict = part_verdict(metric_part)
+    verdict = metric_part.verdict
     size = 4.0 if verdict is Verdict.PASSES else 5.5
     axes.plot(metric_part.value, line, verdict.marker, color=colour, zorder=3, mfc=_filling(verdict, colour), ms=size)
     if not isfinite(metric_part.value) or (axes.get_xscale() == "log" and metric_part.value <= 0.0):
@@ -155,30 +159,29 @@ def _filling(verdict: Verdict, colour: str) -> str:
     return "white" if verdict is Verdict.NONE else colour
 
 
-def bandwidths(rows: Sequence[LeaderboardRow]) -> Drawing:
+def bandwidths(board: Leaderboard) -> Drawing:
     """A panel for each joint and excitation of the arm, the range near the thesis' 1 Hz shaded."""
-    drawing = parts_drawn(rows, "bandwidth", "log")
+    drawing = parts_drawn(board, "bandwidth", "log")
     if drawing is None:
         return None
     figure, _ = drawing
     for axes in figure.axes:
         if axes.axison:
             axes.axvspan(*ABOUT_1_HZ, color=ONE_HZ, lw=0, zorder=0)
-    return figure, WORDS["captions"]["bandwidth"]
+    return figure, CAPTIONS["bandwidth"]
 
 
-def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
+def work_precision(board: Leaderboard) -> Drawing:
     """Accuracy against time: a large mark for each estimator at the medians over problems, a small one for each."""
-    problems = common_problems(rows)
-    points_by_row = {row.number: _time_and_error(row, problems) for row in rows}
+    points_by_row = {row.number: _time_and_error(row, board.problems) for row in board.rows}
     clouds = {row_number: points for row_number, points in points_by_row.items() if len(points)}
     if not clouds:
         return None
     # The legend has a line or two for each estimator.
     figure = Figure(figsize=(WIDTH, max(4.2, 0.32 * len(clouds))), layout="constrained")
     axes = figure.subplots()
-    row_styles = styles(rows)
-    for row in rows:
+    row_styles = _styles(board.rows)
+    for row in board.rows:
         if row.number in clouds:
             points, style = clouds[row.number], row_styles[row.number]
             axes.plot(*points.T, style.marker, color=style.colour, ms=3, alpha=0.5)
@@ -193,8 +196,8 @@ def work_precision(rows: Sequence[LeaderboardRow]) -> Drawing:
     plain_marks(axes.xaxis, axes.get_xlim())
     plain_marks(axes.yaxis, axes.get_ylim())
     figure.legend(loc="outside right upper", frameon=False, fontsize=7.5, labelspacing=0.8)
-    caption = WORDS["captions"]["accuracy_and_time"] % listed(problems)
-    absent = [row.name for row in rows if row.number not in clouds]
+    caption = CAPTIONS["accuracy_and_time"] % board.problems_in_words()
+    absent = [row.name for row in board.rows if row.number not in clouds]
     if absent:
         caption += f" Not drawn, since a number of theirs is missing: {', '.join(absent)}."
     return figure, caption
@@ -209,13 +212,13 @@ def _time_and_error(row: LeaderboardRow, problems: Sequence[str]) -> np.ndarray:
     return points if np.isfinite(points).all() and (points > 0.0).all() else points[:0]
 
 
-def responses(rows: Sequence[LeaderboardRow]) -> Drawing:
+def responses(board: Leaderboard) -> Drawing:
     """A panel for each estimator and problem: rms error, claimed band, bound and truth over frequency."""
-    problems = _labels_of_curves(rows, "frequency_response")
+    problems = _labels_of_curves(board, "frequency_response")
     if not problems:
         return None
-    figure, panels = _grid(rows, problems[:MOST_COLUMNS], sharey="col")
-    for axes, curve in _panels_with_curves(rows, "frequency_response", problems, panels):
+    figure, panels, filled = _curve_panels(board, "frequency_response", problems[:MOST_COLUMNS], sharey="col")
+    for axes, curve in filled:
         axes.set(xscale="log", yscale="log")
         for key, look in LINES.items():
             if key in curve:
@@ -231,16 +234,15 @@ def responses(rows: Sequence[LeaderboardRow]) -> Drawing:
     rest = ""
     if len(problems) > MOST_COLUMNS:
         rest = f" Drawn are the first {MOST_COLUMNS} of {len(problems)} problems."
-    return figure, f"{WORDS['captions']['frequency_response']}{rest}"
+    return figure, f"{CAPTIONS['frequency_response']}{rest}"
 
 
-def splits(rows: Sequence[LeaderboardRow]) -> Drawing:
+def splits(board: Leaderboard) -> Drawing:
     """A panel for each estimator and joint of the arm: systematic error, noise and distortion over amplitude."""
-    joints = _labels_of_curves(rows, "amplitude_split")[:MOST_COLUMNS]
+    joints = _labels_of_curves(board, "amplitude_split")[:MOST_COLUMNS]
     if not joints:
         return None
-    figure, panels = _grid(rows, joints, sharey=True)
-    filled = list(_panels_with_curves(rows, "amplitude_split", joints, panels))
+    figure, panels, filled = _curve_panels(board, "amplitude_split", joints, sharey=True)
     low, top = _range_of_shares(curve for _, curve in filled)
     for axes, curve in filled:
         axes.set_xscale("log")
@@ -269,7 +271,7 @@ def splits(rows: Sequence[LeaderboardRow]) -> Drawing:
     figure.supxlabel("amplitude of the command / mrad", fontsize=8)
     figure.supylabel("% of the linear part", fontsize=8)
     _add_legend(figure)
-    return figure, WORDS["captions"]["amplitude_split"]
+    return figure, CAPTIONS["amplitude_split"]
 
 
 def _range_of_shares(curves: Iterable[Curve]) -> tuple[float, float]:
@@ -304,36 +306,34 @@ def _strips(rows: Sequence[LeaderboardRow], titles: Sequence[str]) -> tuple[Figu
     return figure, by_title
 
 
-def _grid(
-    rows: Sequence[LeaderboardRow], columns: Sequence[str], *, sharey: Literal["col"] | bool
-) -> tuple[Figure, np.ndarray]:
-    """A figure with a panel for each estimator (row) and problem or joint (column)."""
+def _curve_panels(
+    board: Leaderboard, metric: str, columns: Sequence[str], *, sharey: Literal["col"] | bool
+) -> tuple[Figure, np.ndarray, list[tuple[Axes, Curve]]]:
+    """A figure with a panel for each estimator (row) and problem or joint (column).
+
+    Returns:
+        The figure, its panels, and those that have a curve with the curve; the others say that they have none.
+    """
+    rows = board.rows
     figure = Figure(figsize=(WIDTH, 1.0 + 0.95 * len(rows)), layout="constrained")
     panels = figure.subplots(len(rows), len(columns), squeeze=False, sharex="col", sharey=sharey)
     dress(panels.flat)
-    for axes in panels.flat:
-        axes.tick_params(labelsize=6.5, pad=1.5)
-    for axes, column in zip(panels[0], columns, strict=True):
-        axes.set_title(column.replace("_", " "), fontsize=8)
-    for axes, row in zip(panels[:, 0], rows, strict=True):
-        axes.set_ylabel(_short_title(row, 14), fontsize=7, rotation=0, ha="right", va="center")
-    return figure, panels
-
-
-def _labels_of_curves(rows: Sequence[LeaderboardRow], metric: str) -> list[str]:
-    return list(dict.fromkeys(chain.from_iterable(row.curves[metric] for row in rows)))
-
-
-def _panels_with_curves(
-    rows: Sequence[LeaderboardRow], metric: str, columns: Sequence[str], panels: np.ndarray
-) -> Iterator[tuple[Axes, Curve]]:
-    """Panels that have a curve, and the curve; the others say that they have none."""
-    for line, row in zip(panels, rows, strict=True):
-        for axes, column in zip(line, columns, strict=False):
+    filled = []
+    for row, line in zip(rows, panels, strict=True):
+        line[0].set_ylabel(_short_title(row, 14), fontsize=7, rotation=0, ha="right", va="center")
+        for column, axes in zip(columns, line, strict=True):
+            axes.tick_params(labelsize=6.5, pad=1.5)
             if column in row.curves[metric]:
-                yield axes, row.curves[metric][column]
+                filled.append((axes, row.curves[metric][column]))
             else:
                 axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", fontsize=7, color=BOUND.colour)
+    for column, axes in zip(columns, panels[0], strict=True):
+        axes.set_title(column.replace("_", " "), fontsize=8)
+    return figure, panels, filled
+
+
+def _labels_of_curves(board: Leaderboard, metric: str) -> list[str]:
+    return list(dict.fromkeys(chain.from_iterable(row.curves[metric] for row in board.rows)))
 
 
 def _add_legend(figure: Figure) -> None:
@@ -351,12 +351,13 @@ def _short_title(row: LeaderboardRow, width: int = 18) -> str:
     return "\n".join(textwrap.wrap(row.title, width, max_lines=2, placeholder="…"))
 
 
-DRAWINGS: Mapping[str, Callable[[Sequence[LeaderboardRow]], Drawing]] = {
-    "efficiency": lambda rows: parts_drawn(rows, "efficiency", "log"),
-    "coverage": lambda rows: parts_drawn(rows, "coverage", "linear", "response"),
+DRAWINGS: Mapping[str, Callable[[Leaderboard], Drawing]] = {
+    "accuracy_and_time": work_precision,
+    "efficiency": lambda board: parts_drawn(board, "efficiency", "log"),
+    "coverage": lambda board: parts_drawn(board, "coverage", "linear", "response"),
     "frequency_response": responses,
     "amplitude_split": splits,
-    "bias": lambda rows: parts_drawn(rows, "bias", "symlog"),  # values about 0 and far beyond 1
+    "bias": lambda board: parts_drawn(board, "bias", "symlog"),  # values about 0 and far beyond 1
     "bandwidth": bandwidths,
 }
-"""Drawings by metric; the others have their tables."""
+"""Drawings by metric, and accuracy against time; the other metrics have their tables."""

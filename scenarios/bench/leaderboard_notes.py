@@ -2,14 +2,16 @@
 
 from collections.abc import Iterable, Sequence
 
-from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems
-from scenarios.bench.leaderboard_verdict import GUIDE, INFORMATIVE, WORDS, Verdict, verdict
+from scenarios.bench.leaderboard import Leaderboard, LeaderboardRow
+from scenarios.bench.leaderboard_words import CONDITIONS, GUIDE
+from scenarios.bench.metric import INFORMATIVE, Verdict
 from scenarios.bench.result import Result
 from scenarios.estimators.outcome import MODEL, REFUSED
 
 
-def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
+def notes(board: Leaderboard) -> list[str]:
     """Sentences for a reader who compares rows; none where all rows are alike, complete and of one run."""
+    rows = board.rows
     answering = [row for row in rows if row.result.outcomes.get(MODEL)]
     return [
         *_different_settings(rows),
@@ -17,14 +19,14 @@ def notes(rows: Sequence[LeaderboardRow]) -> list[str]:
         *_missing_metrics(rows),
         *_rows_without_verdict(rows),
         *_refusals(answering),
-        *_unanswered_problems(answering, common_problems(rows)),
+        *_unanswered_problems(answering, board.problems),
     ]
 
 
 def _different_settings(rows: Sequence[LeaderboardRow]) -> list[str]:
     """A note for each setting in which rows differ, with what follows from it."""
     sentences = []
-    for condition, consequence in WORDS["conditions"].items():
+    for condition, consequence in CONDITIONS.items():
         groups = _grouped((_conditions(row.result)[condition], row) for row in rows)
         if len(groups) > 1:
             values = "; ".join(f"{value}: {_names(group)}" for value, group in groups.items())
@@ -87,7 +89,7 @@ def _rows_without_verdict(rows: Sequence[LeaderboardRow]) -> list[str]:
         if not outcomes.get(MODEL):
             ends = ", ".join(f"{times} × {outcome.replace('_', ' ')}" for outcome, times in outcomes.items() if times)
             sentences.append(f"{row.name} gave no model at all ({ends or 'no request'}): it has not passed anything.")
-        elif all(verdict(metric) is Verdict.NONE for metric in row.result.metrics.values()):
+        elif all(metric.verdict is Verdict.NONE for metric in row.result.metrics.values()):
             sentences.append(f"Nothing of {row.name} could be judged: it has not passed anything.")
     return sentences
 

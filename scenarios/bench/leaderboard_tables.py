@@ -1,19 +1,18 @@
 """The tables of the leaderboard, as the page and the Markdown both show them."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 from math import inf, isnan
 
-from scenarios.bench.leaderboard_rows import LeaderboardRow, common_problems, listed
-from scenarios.bench.leaderboard_verdict import GUIDE, WORDS, Verdict, count, judged_metrics, part_verdict, verdict
-from scenarios.bench.metric import Metric, Part
+from scenarios.bench.leaderboard import Leaderboard, LeaderboardRow
+from scenarios.bench.leaderboard_words import CAPTIONS, guide_to
+from scenarios.bench.metric import Metric, Part, Verdict
 from scenarios.bench.result_table import UNKNOWN, limits, number
 from scenarios.estimators.outcome import KINDS
 
 MOST_ROWS = 40
-"""Problems in the rows of a table."""
+"""Problems in the rows of a table: a full bench times hundreds."""
 
 AT_WORST = re.compile(r" at [\d.e+-]+ Hz$")
 """End of the label of a part at its worst frequency, which is another for each estimator."""
@@ -44,10 +43,6 @@ class Cell:
     link: str = ""
 
 
-EMPTY = Cell("", inf)
-"""A cell without a number, which sorts last."""
-
-
 @dataclass(frozen=True)
 class Table:
     """A table of the page and of the Markdown.
@@ -56,153 +51,129 @@ class Table:
         caption: Its caption.
         columns: Headings.
         rows: Its rows, at least one; cells of a column are all numbers, or all texts.
-        sortable: Whether the order of its rows means nothing.
     """
 
     caption: str
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
-    sortable: bool = True
 
 
-def metric_names(rows: Sequence[LeaderboardRow]) -> list[str]:
-    """All metrics that any row has, those of this version in their order, others behind."""
-    present: set[str] = set()
-    for row in rows:
-        present |= row.result.metrics.keys()
-    return [name for name in GUIDE if name in present] + sorted(present - GUIDE.keys())
-
-
-def title(rows: Sequence[LeaderboardRow], name: str) -> str:
-    """Title of a metric, from the first row that has it."""
-    return _first_metric(rows, name).title or name
-
-
-def unit(rows: Sequence[LeaderboardRow], name: str) -> str:
-    """Unit of a metric behind a stroke, from the first row that has it; empty without a unit."""
-    of_first = _first_metric(rows, name).unit
-    return f" / {of_first}" if of_first else ""
-
-
-def standing(rows: Sequence[LeaderboardRow]) -> Table:
+def standing(board: Leaderboard) -> Table:
     """The first table: number of verdicts of each kind, and the most important values."""
-    present = metric_names(rows)
-    headline = [name for name in HEADLINE if name in present]
-    judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
+    headline = [name for name in HEADLINE if name in board.metrics]
     table_rows = []
-    for row in rows:
-        counts = count(map(row.metric, judged))
+    for row in board.rows:
+        counts = row.verdicts(board.judged)
         passes = counts[Verdict.PASSES]
-        cells = [Cell(f"{passes} of {len(judged)}", float(passes))]
-        for judgement in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS, Verdict.NONE):
-            cells.append(_count_cell(counts[judgement]))
-        cells.append(_response_error_cell(row, problems))
+        cells = [_name_cell(row), Cell(f"{passes} of {len(board.judged)}", float(passes))]
+        for verdict in (Verdict.FAILS, Verdict.FAILS_AS_THEORY_SAYS, Verdict.NONE):
+            cells.append(_count_cell(counts[verdict]))
+        cells.append(_response_error_cell(row, board.problems))
         cells += [_metric_cell(row.metric(name)) for name in headline]
-        table_rows.append([_name_cell(row), *cells])
-    error = WORDS["captions"]["response_error"] % listed(problems) if problems else WORDS["captions"]["no_error"]
+        table_rows.append(cells)
+    error = CAPTIONS["response_error"] % board.problems_in_words() if board.problems else CAPTIONS["no_error"]
     columns = ["Estimator", "Passed", "Fails", "Fails as theory says", "No verdict", "Response error / %"]
-    columns += [f"{_heading(name)}{unit(rows, name)}" for name in headline]
-    return Table(f"{WORDS['captions']['standing']} {error}", columns, table_rows)
+    columns += [f"{guide_to(name).short}{unit_of(board, name)}" for name in headline]
+    return Table(f"{CAPTIONS['standing']} {error}", columns, table_rows)
 
 
-def verdicts(rows: Sequence[LeaderboardRow]) -> Table:
+def verdicts(board: Leaderboard) -> Table:
     """The verdict of each estimator on each metric that any row was judged by."""
-    judged = []
-    for name in metric_names(rows):
-        if any(verdict(row.metric(name)) is not Verdict.NONE for row in rows):
-            judged.append(name)
+    judged = [name for name in board.metrics if board.is_judged(name)]
     table_rows = []
-    for row in rows:
+    for row in board.rows:
         cells = [_name_cell(row)]
         for name in judged:
             metric = row.metric(name)
             reason = "" if metric is None else metric.why
-            cells.append(_verdict_cell(verdict(metric), reason))
+            cells.append(_verdict_cell(row.verdict(name), reason))
         table_rows.append(cells)
-    columns = ("Estimator", *map(_heading, judged))
+    columns = ("Estimator", *(guide_to(name).short for name in judged))
     return Table("The reasons stand in the sections of the estimators", columns, table_rows)
 
 
-def by_problem(rows: Sequence[LeaderboardRow], name: str) -> Table | None:
+def by_problem(board: Leaderboard, name: str) -> Table | None:
     """A metric with a line for each problem and a column for each estimator; None where it has no parts."""
-    cells: dict[str, dict[int, Cell]] = {}
-    has_number: dict[str, bool] = {}
-    parts = chain.from_iterable(row.parts(name) for row in rows)
-    judged = any(p.passed is not None for p in parts)
-    for row in rows:
+    by_label: dict[str, dict[int, Part]] = {}
+    for row in board.rows:
         for metric_part in row.parts(name):
-            problem = AT_WORST.sub(" at its worst frequency", metric_part.label)
-            cells.setdefault(problem, {})[row.number] = _part_cell(metric_part, problem, judged)
-            has_number[problem] = (
-                has_number.get(problem, False) or metric_part.passed is not None or not isnan(metric_part.value)
-            )
-    if not cells:
+            label = AT_WORST.sub(" at its worst frequency", metric_part.label)
+            by_label.setdefault(label, {})[row.number] = metric_part
+    if not by_label:
         return None
     # Problems of which no row has a number are left out, unless there is no number at all.
-    problems = [problem for problem in cells if has_number[problem]] or list(cells)
-    caption = f"{title(rows, name)}{unit(rows, name)}"
+    known = [label for label, parts_of_rows in by_label.items() if any(map(_is_known, parts_of_rows.values()))]
+    problems = known or list(by_label)
+    caption = f"{title_of(board, name)}{unit_of(board, name)}"
     if len(problems) > MOST_ROWS:
         caption += f"; the first {MOST_ROWS} of {len(problems)} problems, the results have all"
+    judged = any(metric_part.passed is not None for row in board.rows for metric_part in row.parts(name))
     table_rows = []
-    for problem in problems[:MOST_ROWS]:
-        table_rows.append([Cell(problem), *(cells[problem].get(row.number, EMPTY) for row in rows)])
-    return Table(caption, ("Problem", *(row.title for row in rows)), table_rows)
+    for label in problems[:MOST_ROWS]:
+        cells = [_part_cell(by_label[label].get(row.number), label, judged=judged) for row in board.rows]
+        table_rows.append([Cell(label), *cells])
+    return Table(caption, ("Problem", *(row.title for row in board.rows)), table_rows)
 
 
-def failures(rows: Sequence[LeaderboardRow]) -> Table:
+def failures(board: Leaderboard) -> Table:
     """Number of requests by kind of outcome, for each estimator."""
     present: set[str] = set()
-    for row in rows:
+    for row in board.rows:
         present |= {outcome for outcome, times in row.result.outcomes.items() if times}
     # Kinds that this version does not know come last.
     outcomes = [outcome for outcome in KINDS if outcome in present] + sorted(present - KINDS.keys())
     table_rows = []
-    for row in rows:
-        table_rows.append([_name_cell(row), *(_count_cell(row.result.outcomes.get(name, 0)) for name in outcomes)])
+    for row in board.rows:
+        cells = [_count_cell(row.result.outcomes.get(outcome, 0)) for outcome in outcomes]
+        table_rows.append([_name_cell(row), *cells])
     columns = ("Estimator", *(outcome.replace("_", " ") for outcome in outcomes))
     return Table("How many requests ended how", columns, table_rows)
 
 
-def metrics_of(row: LeaderboardRow) -> Table:
+def metrics_of(board: Leaderboard, row: LeaderboardRow) -> Table:
     """All metrics of an estimator, with their reasons."""
     table_rows = []
-    for name in metric_names([row]):
-        metric = row.result.metrics[name]
-        cells = [Cell(metric.title or name), _verdict_cell(verdict(metric))]
-        cells += [_number_cell(metric.value), _number_cell(metric.expected), _limits_cell(metric.interval)]
-        table_rows.append([*cells, Cell(metric.unit), Cell(metric.why)])
+    for name in board.metrics:
+        metric = row.metric(name)
+        if metric is not None:
+            cells = [Cell(metric.title or name), _verdict_cell(metric.verdict)]
+            cells += [_number_cell(metric.value), _number_cell(metric.expected), _limits_cell(metric.interval)]
+            table_rows.append([*cells, Cell(metric.unit), Cell(metric.why)])
     caption = "Its figures: each by the part furthest beyond its limits, or nearest to them"
-    columns = ("Figure", "Verdict", "Value", "Expected", "95 % interval", "Unit", "Why")
-    return Table(caption, columns, table_rows, sortable=False)
+    return Table(caption, ("Figure", "Verdict", "Value", "Expected", "95 % interval", "Unit", "Why"), table_rows)
 
 
-def failing_of(row: LeaderboardRow) -> Table | None:
+def failing_of(board: Leaderboard, row: LeaderboardRow) -> Table | None:
     """Parts of an estimator's metrics that do not pass, or pass although theory says that they fail; None without."""
     table_rows = []
-    for name in metric_names([row]):
+    for name in board.metrics:
         for metric_part in row.parts(name):
             passes_unexpectedly = bool(metric_part.passed) and not metric_part.theory
             if metric_part.passed is not False and not passes_unexpectedly:
                 continue
             why = f"theory says that it fails: {metric_part.why}" if passes_unexpectedly else metric_part.why
-            cells = [Cell(_heading(name)), Cell(metric_part.label), _verdict_cell(part_verdict(metric_part))]
-            cells += [
-                _number_cell(metric_part.value),
-                _limits_cell(metric_part.interval),
-                _limits_cell(metric_part.limits),
-            ]
-            table_rows.append([*cells, _count_cell(metric_part.draws), Cell(why)])
+            cells = [Cell(guide_to(name).short), Cell(metric_part.label), _verdict_cell(metric_part.verdict)]
+            cells += [_number_cell(metric_part.value), _limits_cell(metric_part.interval)]
+            cells += [_limits_cell(metric_part.limits), _count_cell(metric_part.draws), Cell(why)]
+            table_rows.append(cells)
     caption = "Where it does not pass, and where it does though theory says that it fails"
     columns = ("Figure", "Problem", "Verdict", "Value", "95 % interval", "Passes", "Records", "Why")
-    return Table(caption, columns, table_rows, sortable=False) if table_rows else None
+    return Table(caption, columns, table_rows) if table_rows else None
 
 
-def _first_metric(rows: Iterable[LeaderboardRow], name: str) -> Metric:
-    return next(row.result.metrics[name] for row in rows if name in row.result.metrics)
+def title_of(board: Leaderboard, name: str) -> str:
+    """Title of a metric."""
+    return board.metrics[name].title or name
 
 
-def _heading(name: str) -> str:
-    return GUIDE[name].short if name in GUIDE else name.replace("_", " ")
+def unit_of(board: Leaderboard, name: str) -> str:
+    """Unit of a metric behind a stroke; empty without a unit."""
+    unit = board.metrics[name].unit
+    return f" / {unit}" if unit else ""
+
+
+def _is_known(metric_part: Part) -> bool:
+    return metric_part.passed is not None or not isnan(metric_part.value)
 
 
 def _name_cell(row: LeaderboardRow) -> Cell:
@@ -213,11 +184,11 @@ def _count_cell(times: int) -> Cell:
     return Cell(str(times), float(times))
 
 
-def _number_cell(value: float, judgement: Verdict | None = None, reason: str = "") -> Cell:
+def _number_cell(value: float, verdict: Verdict | None = None, reason: str = "") -> Cell:
     """A number; an unknown one sorts last, and is not shown beside the sign of no verdict, which looks the same."""
-    shown = "" if isnan(value) and judgement is Verdict.NONE else number(value)
+    shown = "" if isnan(value) and verdict is Verdict.NONE else number(value)
     key = inf if isnan(value) else value
-    return Cell(shown, key, judgement, reason)
+    return Cell(shown, key, verdict, reason)
 
 
 def _limits_cell(ends: tuple[float, float]) -> Cell:
@@ -225,30 +196,29 @@ def _limits_cell(ends: tuple[float, float]) -> Cell:
     return Cell(limits(ends), key)
 
 
-def _verdict_cell(judgement: Verdict, reason: str = "") -> Cell:
-    return Cell("", float(SEVERITY.index(judgement)), judgement, reason)
+def _verdict_cell(verdict: Verdict, reason: str = "") -> Cell:
+    return Cell("", float(SEVERITY.index(verdict)), verdict, reason)
 
 
 def _metric_cell(metric: Metric | None) -> Cell:
-    return EMPTY if metric is None else _number_cell(metric.value, verdict(metric), metric.why)
+    return Cell("", inf) if metric is None else _number_cell(metric.value, metric.verdict, metric.why)
 
 
-def _part_cell(metric_part: Part, problem: str, judged: bool) -> Cell:
-    reason = (
-        f"95 % interval {limits(metric_part.interval)}; passes: {limits(metric_part.limits)}; {metric_part.why}".rstrip(
-            "; "
-        )
-    )
-    if metric_part.label != problem:
+def _part_cell(metric_part: Part | None, label: str, *, judged: bool) -> Cell:
+    """The part of an estimator in the line of a label; empty where it lacks the part."""
+    if metric_part is None:
+        return Cell("", inf)
+    interval = f"95 % interval {limits(metric_part.interval)}; passes: {limits(metric_part.limits)}"
+    reason = f"{interval}; {metric_part.why}".rstrip("; ")
+    if metric_part.label != label:
         reason = f"{metric_part.label}: {reason}"
-    judgement = part_verdict(metric_part) if judged else None
-    return _number_cell(metric_part.value, judgement, reason)
+    return _number_cell(metric_part.value, metric_part.verdict if judged else None, reason)
 
 
 def _response_error_cell(row: LeaderboardRow, problems: Sequence[str]) -> Cell:
     """Median response error; how many of the problems it answered, where it did not answer all."""
     if row.metric("frequency_response") is None:
-        return EMPTY
+        return Cell("", inf)
     absent = row.unanswered(problems)
     # A median over other problems than those of the other rows would not compare.
     if 0 < len(absent) < len(problems):

@@ -4,6 +4,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import Enum
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,6 +27,21 @@ FALSE_ALARM = 0.005
 
 INFORMATIVE_ONLY = ("reliability", "speed", "bandwidth")
 """Metrics that say nothing about whether a model is right."""
+
+INFORMATIVE = ("bandwidth",)
+"""Metrics that never give a verdict."""
+
+
+class Verdict(Enum):
+    """A verdict: its word, the sign that tells it apart without colour, its marker in drawings; from good to bad."""
+
+    PASSES = ("passes", "✓", "o")
+    FAILS_AS_THEORY_SAYS = ("fails as theory says", "△", "^")
+    NONE = ("no verdict", "–", "o")
+    FAILS = ("fails", "✗", "X")
+
+    def __init__(self, word: str, sign: str, marker: str) -> None:
+        self.word, self.sign, self.marker = word, sign, marker
 
 
 @dataclass(frozen=True)
@@ -75,6 +91,15 @@ class Part:
         """Whether it fails although theory expects it to pass."""
         return self.passed is False and self.theory
 
+    @property
+    def verdict(self) -> Verdict:
+        """Its verdict."""
+        if self.passed is None:
+            return Verdict.NONE
+        if self.passed:
+            return Verdict.PASSES
+        return Verdict.FAILS if self.theory else Verdict.FAILS_AS_THEORY_SAYS
+
 
 @dataclass(frozen=True)
 class Metric:
@@ -107,6 +132,16 @@ class Metric:
     why: str
     parts: tuple[Part, ...] = ()
     curves: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def verdict(self) -> Verdict:
+        """Its verdict: a part that fails where theory expects it to pass outweighs all others."""
+        # A file may say of a metric that it passes and of its part that it fails.
+        if self.passed is False or any(part.surprises for part in self.parts):
+            return Verdict.FAILS
+        if any(part.passed is False for part in self.parts):
+            return Verdict.FAILS_AS_THEORY_SAYS
+        return Verdict.NONE if self.passed is None else Verdict.PASSES
 
 
 @dataclass(frozen=True)

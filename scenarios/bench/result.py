@@ -23,6 +23,9 @@ FORMAT = 1
 IN_FILES = {"estimator": "contestant", "metrics": "figures"}
 """Fields that have other names in files."""
 
+MOST_BYTES = 2**26
+"""Result files are far smaller; an endless or foreign file is not read."""
+
 LARGEST = 1e100
 """Larger numbers are read as infinite, and the inverse of smaller ones as 0: axes compute squares and products."""
 
@@ -70,6 +73,20 @@ class Result:
         """Whether no metric fails that theory expects to pass, and something was judged; see `all_pass`."""
         return all_pass(self.metrics)
 
+    def check_counts(self) -> None:
+        """Refuse numbers that no run can have: anyone may have written the file.
+
+        Raises:
+            ScenarioError: A number of requests or records is negative, or a rate is no probability.
+        """
+        counts = [*self.outcomes.values(), *self.reasons.values(), *self.refused.values()]
+        for metric in self.metrics.values():
+            counts += [metric_part.draws for metric_part in metric.parts]
+            if not 0.0 <= metric.false_alarm <= 1.0:
+                raise ScenarioError(f"false-alarm rate {metric.false_alarm} given, expected 0 to 1")
+        if min(counts, default=0) < 0:
+            raise ScenarioError("a number of requests or records is below 0")
+
     def to_json(self) -> str:
         """The text of the file; NaN as null, infinities as text."""
         fields = {IN_FILES.get(key, key): value for key, value in asdict(self).items()}
@@ -83,6 +100,12 @@ class Result:
         Raises:
             ScenarioError: It is none, of another version, or damaged.
         """
+        foreign = f"{path} is no result of hmtb verify"
+        # Reading a pipe or a device might never end.
+        if path.exists() and not path.is_file():
+            raise ScenarioError(f"{foreign}: it is no ordinary file")
+        if path.is_file() and path.stat().st_size > MOST_BYTES:
+            raise ScenarioError(f"{foreign}: it has more than {MOST_BYTES} bytes")
         try:
             table = _safe(json.loads(path.read_text(encoding="utf-8")))
         except (OSError, ValueError, RecursionError) as error:
@@ -100,8 +123,9 @@ class Result:
             fields.pop(key, None)
         try:
             result = structure(cls, fields)
+            result.check_counts()
         except ScenarioError as error:
-            raise ScenarioError(f"{path} is no result of hmtb verify: {error}") from error
+            raise ScenarioError(f"{foreign}: {error}") from error
         # No other estimator sees the truth.
         if result.estimator.is_perfect and result.estimator.name != "perfect":
             raise ScenarioError(f"{path}: {result.estimator.name} answers from the truth, as only 'perfect' may")

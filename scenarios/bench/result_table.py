@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from math import isinf, isnan
 from pathlib import Path
 
-from scenarios.bench.leaderboard_verdict import verdict
 from scenarios.bench.metric import UNLIMITED, Metric, worst_part
 from scenarios.bench.result import Result
 from scenarios.experiments.presentation import Presentation
@@ -58,8 +57,8 @@ def _metric_row(metric: Metric) -> tuple[str, ...]:
     title = f"{metric.title}, {metric.unit}" if metric.unit else metric.title
     # An interval without width is that of a value which chance does not touch.
     interval = UNKNOWN if metric.interval[0] == metric.interval[1] else limits(metric.interval)
-    judged = verdict(metric)
-    return title, number(metric.value), _passes_if(metric), interval, f"{judged.sign} {judged.word}"
+    judgement = f"{metric.verdict.sign} {metric.verdict.word}"
+    return title, number(metric.value), _passes_if(metric), interval, judgement
 
 
 def _passes_if(metric: Metric) -> str:

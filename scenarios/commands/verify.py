@@ -1,6 +1,6 @@
 """`hmtb verify`: any estimator on the test bench; `hmtb leaderboard`: results of several, compared."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -22,7 +22,7 @@ from scenarios.commands.output import (
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from scenarios.bench.leaderboard_rows import LeaderboardRow
+    from scenarios.bench.leaderboard import Leaderboard
     from scenarios.bench.result import Result
     from scenarios.bench.verify import BenchPlan
     from scenarios.jobs.executor import Executor
@@ -236,18 +236,19 @@ def leaderboard(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
+    from scenarios.bench.leaderboard import ranked
     from scenarios.bench.leaderboard_notes import notes
     from scenarios.bench.leaderboard_page import write_leaderboard
-    from scenarios.bench.leaderboard_rows import RULE, ranked
     from scenarios.bench.leaderboard_tables import standing
+    from scenarios.bench.leaderboard_words import RULE
 
-    rows = ranked(results)
+    board = ranked(results)
     with output_folder(out, "leaderboard.html", "leaderboard.md", overwrite=overwrite), progress("leaderboard"):
-        page, text = write_leaderboard(rows, out)
+        page, text = write_leaderboard(board, out)
     if json:
-        print_json({"page": page, "markdown": text, "rows": _ranked_records(rows), "notes": notes(rows)})
+        print_json({"page": page, "markdown": text, "rows": _ranked_records(board), "notes": notes(board)})
         return 0
-    table = standing(rows)
+    table = standing(board)
     cells = []
     for row in table.rows:
         texts = []
@@ -255,22 +256,20 @@ def leaderboard(
             texts.append(f"{cell.text} {cell.verdict.sign}" if cell.verdict else cell.text)
         cells.append(texts)
     print_table(table.caption, table.columns, cells)
-    say_each("note: ", notes(rows))
+    say_each("note: ", notes(board))
     say(RULE)
     say(f"{page} and {text} written")
     say_next("verify", "--list")
     return 0
 
 
-def _ranked_records(rows: "Sequence[LeaderboardRow]") -> list[dict[str, object]]:
+def _ranked_records(board: "Leaderboard") -> list[dict[str, object]]:
     """Rows of the leaderboard as JSON, in their sequence."""
-    from scenarios.bench.leaderboard_rows import common_problems
-    from scenarios.bench.leaderboard_verdict import count, judged_metrics, verdict
+    from scenarios.bench.metric import Verdict
 
-    judged, problems = judged_metrics(row.result for row in rows), common_problems(rows)
     records: list[dict[str, object]] = []
-    for row in rows:
-        counts = count(map(row.metric, judged))
+    for row in board.rows:
+        counts = row.verdicts(board.judged)
         metrics = row.result.metrics
         records.append(
             {
@@ -278,9 +277,9 @@ def _ranked_records(rows: "Sequence[LeaderboardRow]") -> list[dict[str, object]]
                 "name": row.name,
                 "file": row.path,
                 "passed": row.result.passed,
-                "counts": {word.word: times for word, times in counts.items()},
-                "response_error_percent": row.median_error(problems),
-                "verdicts": {name: verdict(metric).word for name, metric in metrics.items()},
+                "counts": {verdict.word: counts[verdict] for verdict in Verdict},
+                "response_error_percent": row.median_error(board.problems),
+                "verdicts": {name: metric.verdict.word for name, metric in metrics.items()},
                 "values": {name: metric.value for name, metric in metrics.items()},
                 "failures": row.result.outcomes,
                 "refused": row.result.refused,

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from scenarios.bench.consistency import WHERE_IT_FAILS
-from scenarios.bench.leaderboard_rows import ORDERS_GIVEN
-from scenarios.bench.leaderboard_verdict import INFORMATIVE, Verdict, part_verdict, verdict
-from scenarios.bench.metric import Metric, Part, excess
+from scenarios.bench.leaderboard_words import ORDERS_GIVEN
+from scenarios.bench.metric import INFORMATIVE, Metric, Part, Verdict, excess
 from scenarios.bench.result import Result
 from scenarios.bench.result_table import limits, metric_table, number
 from scenarios.bench.run_progress import file_name
@@ -72,7 +71,7 @@ def _metric_record(metric: Metric) -> dict[str, Any]:
         problems.append(vars(problem) | {"limits": ends})
     keys = ("title", "value", "unit", "expected", "interval", "passed", "false_alarm", "why")
     values = {key: getattr(metric, key) for key in keys}
-    return {**values, "verdict": verdict(metric).word, "parts": problems}
+    return {**values, "verdict": metric.verdict.word, "parts": problems}
 
 
 def _json_number(value: float) -> float | str:
@@ -112,7 +111,7 @@ def _show_side_by_side(results: Sequence[Result]) -> None:
         title = f"{first.title}, {first.unit}" if first.unit else first.title
         cells = []
         for metric in metrics:
-            cells.append("" if metric is None else f"{number(metric.value)} {verdict(metric).sign}")
+            cells.append("" if metric is None else f"{number(metric.value)} {metric.verdict.sign}")
         rows.append((title, *cells))
     rows.append(("Failures", *(f"{_failures(result)} of {sum(result.outcomes.values())}" for result in results)))
     print_table("Side by side", ("", *(result.estimator.name for result in results)), rows)
@@ -130,7 +129,7 @@ def _summary(result: Result) -> str:
     summary = "fails no figure that it should pass"
     if failed:
         summary = f"fails {counted(len(failed), 'figure')}: {', '.join(failed)}"
-    excused = sum(verdict(metric) is Verdict.FAILS_AS_THEORY_SAYS for metric in result.metrics.values())
+    excused = sum(metric.verdict is Verdict.FAILS_AS_THEORY_SAYS for metric in result.metrics.values())
     if not excused:
         return summary
     verb = "fails" if excused == 1 else "fail"
@@ -147,8 +146,8 @@ def show_reasons(metrics: Iterable[Metric], *, verbose: bool) -> None:
     """
     explained: set[str] = set()
     for metric in metrics:
-        judged = verdict(metric)
-        problems = [problem for problem in metric.parts if part_verdict(problem) is judged]
+        judged = metric.verdict
+        problems = [problem for problem in metric.parts if problem.verdict is judged]
         if verbose:
             reasons = [metric.why]
             problems = [problem for problem in metric.parts if problem.passed is False]
@@ -177,8 +176,7 @@ def _show_problems(problems: Sequence[Part], judged: Verdict, *, verbose: bool) 
         listed = listed[:SHOWN]
     width = max((len(problem.label) for problem in listed), default=0)
     for problem in listed:
-        own_verdict = part_verdict(problem)
-        mark = f" {own_verdict.sign}" if own_verdict is not judged else ""
+        mark = f" {problem.verdict.sign}" if problem.verdict is not judged else ""
         # A problem may fail without a limit, as where too few records have a claim.
         has_no_limit = all(map(math.isinf, problem.limits))
         why = problem.why if has_no_limit else f"limits: {limits(problem.limits)}"

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from scenarios.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from scenarios.report.figures import SETTINGS, Gallery, Picture, save_figure
+    from scenarios.report.figures import SETTINGS, Picture, picture, save_figure
     from scenarios.report.page import Page
 
-__all__ = ["SETTINGS", "Gallery", "Page", "Picture", "save_figure"]
+__all__ = ["SETTINGS", "Page", "Picture", "picture", "save_figure"]
 
 __getattr__ = lazy_names(__name__, __file__)

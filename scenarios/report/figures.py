@@ -3,7 +3,6 @@
 import base64
 import io
 import re
-from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -15,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from hmtb_twin.files.atomic_write import replacing
-from scenarios.files.errors import ScenarioError
 
 SETTINGS: dict[Any, Any] = {
     "font.size": 9,
@@ -86,72 +84,30 @@ def photograph(picture: np.ndarray) -> str:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure on the page.
+    """A figure on the page; the page numbers figures as they stand on it.
 
     Attributes:
-        number: In the order in which figures were drawn; the page numbers them as they stand on it.
-        name: Its name as a file, without suffix: lower case, words apart by hyphens.
+        name: Its name, once on the page.
         svg: The element.
         caption: What it shows and how to read it.
         shape: Width over height: what the page keeps free until the figure comes into view.
     """
 
-    number: int
     name: str
     svg: str
     caption: str
     shape: float
 
 
-class Gallery:
-    """Takes the figures of the page.
+def picture(figure: Figure, caption: str, name: str, mark: str) -> Picture:
+    """Turn a figure into a picture of a page.
 
     Args:
-        folder: Where every figure is written as SVG and PNG too; nowhere if None.
-        drawn: Called with the number of figures drawn after each.
-
-    Raises:
-        ScenarioError: There is no such folder.
+        figure: The figure.
+        caption: What it shows and how to read it: also its description for those who cannot see it.
+        name: Its name, once on the page.
+        mark: Unique on the page, and short: identifiers inside the element are prefixed with it.
     """
-
-    def __init__(self, folder: Path | None = None, drawn: Callable[[int], None] | None = None) -> None:
-        if folder is not None and not folder.is_dir():
-            raise ScenarioError(f"no folder {str(folder)!r} for the figures; expected one that exists")
-        self.folder = folder
-        self._drawn = drawn or (lambda count: None)
-        self.pictures: list[Picture] = []
-
-    def add(self, figure: Figure, caption: str, *, name: str) -> Picture:
-        """Take a figure.
-
-        Args:
-            figure: The figure.
-            caption: What it shows and how to read it: also its description for those who cannot see it.
-            name: Its name as a file; each once.
-
-        Raises:
-            ScenarioError: The name is no file name, or taken.
-        """
-        taken = any(picture.name == name for picture in self.pictures)
-        if taken or not re.fullmatch(r"[a-z0-9]+(-[a-z0-9]+)*", name):
-            raise ScenarioError(f"figure name {name!r}: expected words of a-z and 0-9 apart by hyphens, each name once")
-        figure_number = len(self.pictures) + 1
-        _lay_out(figure)
-        if self.folder is not None:
-            for suffix in ("svg", "png"):
-                save_figure(figure, self.folder / f"{name}.{suffix}", dpi=200)
-        sentence = caption[:1].upper() + caption[1:]
-        width, height = figure.get_size_inches()
-        element = svg(figure, sentence, f"f{figure_number}")
-        picture = Picture(figure_number, name, element, sentence, width / height)
-        self.pictures.append(picture)
-        self._drawn(figure_number)
-        return picture
-
-
-def _lay_out(figure: Figure) -> None:
-    """Place the axes once for all files of a figure: the layout takes longer than drawing."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        engine.execute(figure)
-        figure.set_layout_engine("none")
+    sentence = caption[:1].upper() + caption[1:]
+    width, height = figure.get_size_inches()
+    return Picture(name, svg(figure, sentence, mark), sentence, width / height)

@@ -17,7 +17,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from scenarios.bench.leaderboard_verdict import Verdict, verdict
+from scenarios.bench.metric import Verdict
 from scenarios.bench.metrics import metrics_named
 from scenarios.bench.verify import BenchPlan, verify
 from scenarios.estimators.estimator import Limits
@@ -61,7 +61,7 @@ def results(names, out, workers):
 
 
 def figures_with(result, wanted):
-    return [name for name, metric in result.metrics.items() if verdict(metric) is wanted]
+    return [name for name, metric in result.metrics.items() if metric.verdict is wanted]
 
 
 def listed(names):

@@ -48,7 +48,7 @@ def test_waveforms_are_one_class_and_excitations_are_two():
     rows = shown.curves["classes"]
     labels = ["shoulder_pitch multisine 10 mrad", "shoulder_yaw prbs 67 mrad"]
     assert [part.label for part in shown.parts] == [row["label"] for row in rows] == labels
-    assert [row["hz"] for row in rows] == [[1.0] * 3, [0.9] * 2]
+    assert [row["hz"] for row in rows] == [(1.0,) * 3, (0.9,) * 2]
     assert rows[0]["small_signal"] == TRUTH["small_signal"]
 
 
@@ -63,7 +63,7 @@ def test_its_number_is_that_of_the_joint_furthest_from_its_truth_at_the_largest_
 def test_bandwidths_that_cannot_be_claimed_count_as_not_near_1_hz():
     uncertain = [outcome(f"{PITCH}-w{k}", 1.0, ends) for k, ends in enumerate([(0.01, 10.0), (0.9, 1.1)])]
     shown = metric([outcome(f"{PITCH}-w2", np.nan), outcome(f"{PITCH}-w3", 0.1), *uncertain])
-    assert shown.curves["classes"][0]["hz"] == [1.0]
+    assert shown.curves["classes"][0]["hz"] == (1.0,)
     assert "1 of 4 near 1 Hz" in shown.parts[0].why
     nothing = on_pitch((None, np.nan))
     assert np.isnan(nothing.value) and np.isnan(nothing.parts[0].value)

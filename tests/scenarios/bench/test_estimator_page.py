@@ -6,7 +6,7 @@ import shlex
 import numpy as np
 import pytest
 
-from scenarios.bench.leaderboard_verdict import GUIDE
+from scenarios.bench.leaderboard_words import GUIDE
 from scenarios.bench.metrics import ALL_METRICS
 from scenarios.commands.cli import parse
 from scenarios.problems.registry import names, problem

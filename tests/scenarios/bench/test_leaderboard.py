@@ -2,18 +2,18 @@
 
 import json
 import os
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from scenarios.bench.leaderboard import ranked
 from scenarios.bench.leaderboard_drawings import work_precision
 from scenarios.bench.leaderboard_notes import notes
-from scenarios.bench.leaderboard_rows import common_problems, ranked
 from scenarios.bench.leaderboard_tables import standing
-from scenarios.bench.leaderboard_verdict import Verdict, count, judged_metrics, verdict
-from scenarios.bench.metric import Metric, Part
+from scenarios.bench.metric import Metric, Part, Verdict
 from scenarios.bench.metrics import ALL_METRICS
 from scenarios.bench.result import Result
 from scenarios.estimators.estimator import Estimator, Limits
@@ -21,6 +21,10 @@ from scenarios.files.errors import ScenarioError
 from tests.scenarios.bench.judging import changed, saved
 
 ERRORS = {"p2": 0.1, "p3": 8.0, "p4": 0.3, "p5": 0.9}
+
+
+def verdicts(metrics):
+    return Counter(metric.verdict for metric in metrics.values())
 
 
 def test_what_is_written_is_read_again_numbers_of_numpy_and_nan_included(tmp_path):
@@ -57,7 +61,7 @@ def test_two_of_one_name_are_refused(written, results):
     again = saved(written[0].with_name("again.json"), replace(results[1], seed=8))
     with pytest.raises(ScenarioError, match=r"again\.json and .*1\.json are both of 'armax'"):
         ranked([written[1], again])
-    assert len(ranked([written[1], written[1]])) == 1
+    assert len(ranked([written[1], written[1]]).rows) == 1
 
 
 @pytest.mark.parametrize(
@@ -85,21 +89,21 @@ def test_a_damaged_result_is_refused(written, place, value):
 
 
 def test_verdicts_and_failures_that_theory_does_not_know_weigh_most(written):
-    entries = ranked(written)
-    by_name = {entry.name: entry.result.metrics for entry in entries}
+    board = ranked(written)
+    by_name = {row.name: row.result.metrics for row in board.rows}
     names = list(by_name)
     assert names.index("armax") < names.index("oe") < names.index("okid")
-    failures = [count(entry.result.metrics.values())[Verdict.FAILS] for entry in entries]
+    failures = [verdicts(row.result.metrics)[Verdict.FAILS] for row in board.rows]
     assert failures == sorted(failures) and failures[0] == 0 < failures[-1]
-    assert verdict(by_name["oe"]["efficiency"]) is Verdict.FAILS_AS_THEORY_SAYS
-    assert verdict(by_name["armax"]["agreement"]) is verdict(None) is Verdict.NONE
+    assert by_name["oe"]["efficiency"].verdict is Verdict.FAILS_AS_THEORY_SAYS
+    assert by_name["armax"]["agreement"].verdict is board.rows[0].verdict("no metric") is Verdict.NONE
     unjudged = {name for name, metric in by_name["armax"].items() if metric.passed is None}
     assert unjudged >= {"agreement", "bandwidth"}
-    counts = count(by_name["armax"].values())
+    counts = verdicts(by_name["armax"])
     assert counts[Verdict.PASSES] == len(ALL_METRICS) - len(unjudged)
     assert (counts[Verdict.NONE], counts[Verdict.FAILS]) == (len(unjudged), 0)
     # A file whose figure says that it passes and whose part says otherwise fails.
-    assert verdict(replace(by_name["okid"]["efficiency"], passed=True)) is Verdict.FAILS
+    assert replace(by_name["okid"]["efficiency"], passed=True).verdict is Verdict.FAILS
 
 
 def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, results):
@@ -109,21 +113,21 @@ def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, resu
         left = replace(results[1].metrics[name], passed=None, parts=())
         return ranked([saved(written[1], replace(results[1], metrics={**results[1].metrics, name: left})), written[2]])
 
-    entries = without("bias")
-    assert [entry.name for entry in entries] == ["oe", "armax"]
-    oe, armax = (count(result.metrics.values()) for result in (results[2], results[1]))
+    board = without("bias")
+    assert [row.name for row in board.rows] == ["oe", "armax"]
+    oe, armax = (verdicts(result.metrics) for result in (results[2], results[1]))
     assert oe[Verdict.FAILS_AS_THEORY_SAYS] >= 4
-    passes, judged = (oe[Verdict.PASSES], armax[Verdict.PASSES] - 1), len(judged_metrics(results[1:3]))
+    passes, judged = (oe[Verdict.PASSES], armax[Verdict.PASSES] - 1), len(board.judged)
     assert judged == len(ALL_METRICS) - 1  # the bandwidth has no verdict
-    assert [(row[1].text, row[4].text) for row in standing(entries).rows] == [
+    assert [(row[1].text, row[4].text) for row in standing(board).rows] == [
         (f"{passes[0]} of {judged}", "1"),
         (f"{passes[1]} of {judged}", "2"),
     ]
-    assert [entry.name for entry in without("speed")] == ["armax", "oe"]
+    assert [row.name for row in without("speed").rows] == ["armax", "oe"]
     # Figures that were not made are as figures that were not judged.
     made = {name: metric for name, metric in results[1].metrics.items() if name != "bias"}
-    entries = ranked([saved(written[1], replace(results[1], metrics=made)), written[2]])
-    assert [entry.name for entry in entries] == ["oe", "armax"]
+    board = ranked([saved(written[1], replace(results[1], metrics=made)), written[2]])
+    assert [row.name for row in board.rows] == ["oe", "armax"]
 
 
 @pytest.mark.parametrize(
@@ -193,48 +197,48 @@ def errors(result, percent, *, posed=()):
 
 
 @pytest.fixture
-def board(written, results):
-    def rows_of(armax, oe=None):
+def board_of(written, results):
+    def ranked_pair(armax, oe=None):
         return ranked([saved(written[1], armax), saved(written[2], oe or errors(results[2], ERRORS))])
 
-    return rows_of
+    return ranked_pair
 
 
-def cells(rows):
-    table = standing(rows)
+def cells(board):
+    table = standing(board)
     column = table.columns.index("Response error / %")
-    return {entry.name: row[column].text for entry, row in zip(rows, table.rows, strict=True)}
+    return {row.name: line[column].text for row, line in zip(board.rows, table.rows, strict=True)}
 
 
-def test_leaving_out_a_hard_problem_is_no_advantage(board, results):
+def test_leaving_out_a_hard_problem_is_no_advantage(board_of, results):
     easy = {name: value for name, value in ERRORS.items() if name != "p3"}
-    rows = board(errors(results[1], easy, posed=tuple(ERRORS)))
-    assert cells(rows) == {"armax": "– (3 of 4)", "oe": "0.6"}
-    figure, caption = work_precision(rows)
+    board = board_of(errors(results[1], easy, posed=tuple(ERRORS)))
+    assert cells(board) == {"armax": "– (3 of 4)", "oe": "0.6"}
+    figure, caption = work_precision(board)
     assert caption.endswith("Not drawn, since a number of theirs is missing: armax.")
     assert "asked of all rows (p2, p3, p4, p5)" in caption
     assert len(figure.axes[0].lines) == 2  # of one estimator
-    (note,) = notes(rows)
+    (note,) = notes(board)
     assert note.startswith("armax answered too few records of p3 for a verdict: no response error")
 
 
-def test_too_few_records_are_no_answer(board, results):
+def test_too_few_records_are_no_answer(board_of, results):
     whole = errors(results[1], ERRORS)
     metric = whole.metrics["efficiency"]
     parts = tuple(replace(p, passed=None, draws=9) if p.label == "p5" else p for p in metric.parts)
     few = replace(whole, metrics={**whole.metrics, metric.name: replace(metric, parts=parts)})
-    assert cells(board(few))["armax"] == "– (3 of 4)"
+    assert cells(board_of(few))["armax"] == "– (3 of 4)"
 
 
-def test_problems_that_were_not_posed_to_all_do_not_count(board, results):
+def test_problems_that_were_not_posed_to_all_do_not_count(board_of, results):
     """Another effort, or a structure that cannot hold a system, poses other problems."""
-    rows = board(errors(results[1], {**ERRORS, "mimo": 70.0, "random-easy-1": 50.0}))
-    assert common_problems(rows) == tuple(ERRORS)
-    assert cells(rows) == {"armax": "0.6", "oe": "0.6"}
-    assert notes(rows) == []
-    medians = {row.name: row.median_error(("p2", "mimo", "p3")) for row in rows}
+    board = board_of(errors(results[1], {**ERRORS, "mimo": 70.0, "random-easy-1": 50.0}))
+    assert board.problems == tuple(ERRORS)
+    assert cells(board) == {"armax": "0.6", "oe": "0.6"}
+    assert notes(board) == []
+    medians = {row.name: row.median_error(("p2", "mimo", "p3")) for row in board.rows}
     assert medians["armax"] == 8.0 and np.isnan(medians["oe"])
-    rows = board(errors(results[1], {"p2": 0.1}), errors(results[2], {"p3": 0.1}))
-    assert cells(rows) == {"armax": "–", "oe": "–"}
-    assert work_precision(rows) is None
-    assert "no problem was asked of all rows" in standing(rows).caption
+    board = board_of(errors(results[1], {"p2": 0.1}), errors(results[2], {"p3": 0.1}))
+    assert cells(board) == {"armax": "–", "oe": "–"}
+    assert work_precision(board) is None
+    assert "no problem was asked of all rows" in standing(board).caption

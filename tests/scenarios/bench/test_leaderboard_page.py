@@ -8,8 +8,9 @@ from hashlib import sha256
 
 import pytest
 
+from scenarios.bench.leaderboard import ranked
 from scenarios.bench.leaderboard_page import context, html, markdown
-from scenarios.bench.leaderboard_rows import ORDERS_GIVEN, RULE, ranked
+from scenarios.bench.leaderboard_words import ORDERS_GIVEN, RULE
 from scenarios.files.errors import ScenarioError
 from tests.scenarios.bench.judging import changed
 from tests.scenarios.web_page import Page
@@ -50,6 +51,9 @@ def test_numbers_that_no_axis_can_hold_are_left_out_of_drawings(results, chosen,
         (f"{SPLIT} noise_interval", [1.0, 2.0, 3.0], "noise_interval has 1 dimensions, expected 2"),
         (SPLIT, 3, "not subscriptable"),
         (f"{RESPONSE} p2 error", None, "error has 0 dimensions, expected 3"),
+        ("figures bandwidth curves classes", [{}], "drawing bandwidth are damaged .*missing label"),
+        ("figures bandwidth curves classes 0 hz", 1.0, "hz must be a list of numbers"),
+        ("figures bandwidth curves classes 0 near", "two", "near must be a whole number"),
     ],
 )
 def test_a_result_with_damaged_numbers_for_drawings_is_refused(results, place, value, message, tmp_path):
@@ -61,9 +65,9 @@ def test_a_result_with_damaged_numbers_for_drawings_is_refused(results, place, v
 @pytest.fixture(scope="module")
 def pages(originals):
     """Of the estimators that are late, with a coloured disturbance, with a long name and with a hostile one."""
-    entries = ranked([originals / f"{number}.json" for number in (0, 2, 5, 6)])
-    shown = context(entries)
-    return html(shown), markdown(shown), entries
+    board = ranked([originals / f"{number}.json" for number in (0, 2, 5, 6)])
+    shown = context(board)
+    return html(shown), markdown(shown), board
 
 
 @pytest.mark.slow
@@ -102,8 +106,8 @@ def test_what_results_say_is_text_in_markdown(pages):
 
 
 def test_rows_stand_in_order_and_the_rules_are_written(pages):
-    page, text, entries = pages
-    assert entries[1].name == "oe" and entries[-1].name == "one_sample_late"
+    page, text, board = pages
+    assert board.rows[1].name == "oe" and board.rows[-1].name == "one_sample_late"
     assert RULE in text and ORDERS_GIVEN in text and ORDERS_GIVEN in page
     first = page.split('<table class="sortable">')[1].split("</table>")[0]
     assert re.findall(r'href="#estimator-(\d+)"', first) == [str(n) for n in range(1, 5)]

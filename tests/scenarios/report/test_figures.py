@@ -1,4 +1,4 @@
-"""Figures are numbered, named once, and kept as files on request."""
+"""Figures have a caption and a shape on a page, and are written as files."""
 
 import re
 
@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from scenarios.files.errors import ScenarioError
-from scenarios.report.figures import Gallery, photograph, save_figure, svg
+from scenarios.report.figures import photograph, picture, save_figure, svg
 
 
 def _figure():
@@ -16,36 +15,21 @@ def _figure():
     return figure
 
 
-def test_figures_are_numbered_as_they_come():
-    drawn = []
-    gallery = Gallery(drawn=drawn.append)
-    first = gallery.add(_figure(), "gain of the joint.", name="gain")
-    second = gallery.add(_figure(), "Phase.", name="phase-2")
-    assert (first.number, second.number) == (1, 2)
-    assert drawn == [1, 2]
-    assert first.caption == "Gain of the joint."
-    assert 'aria-label="Gain of the joint."' in first.svg
-    assert first.shape == pytest.approx(2.0)
+def test_a_picture_has_its_description_and_shape():
+    made = picture(_figure(), "gain of the joint.", "gain", "f1")
+    assert (made.name, made.caption) == ("gain", "Gain of the joint.")
+    assert 'aria-label="Gain of the joint."' in made.svg
+    assert made.shape == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("name", ["Gain", "gain curve", "", "gain"])
-def test_a_name_is_refused_that_is_no_file_or_taken(name):
-    gallery = Gallery()
-    gallery.add(_figure(), "Gain.", name="gain")
-    with pytest.raises(ScenarioError, match="each name once"):
-        gallery.add(_figure(), "Gain.", name=name)
-
-
-def test_figures_are_kept_as_files_on_request(tmp_path):
+def test_figures_are_kept_as_files(tmp_path):
     figure = _figure()
     figure.suptitle(r"u$\q$")  # the name of a column, no formula
-    save_figure(figure, tmp_path / "gain.png")
-    Gallery(tmp_path).add(_figure(), "Gain.", name="gain")
+    for name in ("gain.png", "gain.svg"):
+        save_figure(figure, tmp_path / name)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["gain.png", "gain.svg"]
     assert (tmp_path / "gain.png").read_bytes().startswith(b"\x89PNG")
     assert "<svg" in (tmp_path / "gain.svg").read_text(encoding="utf-8")
-    with pytest.raises(ScenarioError, match="expected one that exists"):
-        Gallery(tmp_path / "missing")
 
 
 def test_svg_escapes_its_description_and_keeps_its_own_marks():
@@ -59,5 +43,5 @@ def test_svg_escapes_its_description_and_keeps_its_own_marks():
 
 
 def test_pictures_are_embedded():
-    picture = np.zeros((4, 5, 3), dtype=np.uint8)
-    assert photograph(picture).startswith("data:image/jpeg;base64,/9j/")
+    pixels = np.zeros((4, 5, 3), dtype=np.uint8)
+    assert photograph(pixels).startswith("data:image/jpeg;base64,/9j/")

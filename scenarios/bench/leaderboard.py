@@ -1,22 +1,20 @@
-"""Rows of the leaderboard: result files, read, checked and put in order."""
+"""The leaderboard: result files, read, checked and put in order."""
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf, isnan, nan
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scenarios.bench.leaderboard_verdict import WORDS, Verdict, count, judged_metrics
-from scenarios.bench.metric import Metric, Part
+from scenarios.bench.bandwidth import bandwidth_classes
+from scenarios.bench.leaderboard_words import GUIDE
+from scenarios.bench.metric import INFORMATIVE, Metric, Part, Verdict
 from scenarios.bench.result import Result
-from scenarios.files.errors import ScenarioError
-
-RULE, ORDERS_GIVEN = WORDS["rules"]["order"], WORDS["rules"]["orders_given"]
-
-MOST_BYTES = 2**26
-"""Result files are far smaller; an endless or foreign file is not read."""
+from scenarios.files.errors import DAMAGE, ScenarioError
 
 MOST_NAMED = 6
 """Problems that are named in a sentence; more are counted."""
@@ -73,6 +71,15 @@ class LeaderboardRow:
         """One of its metrics, or None."""
         return self.result.metrics.get(name)
 
+    def verdict(self, name: str) -> Verdict:
+        """The verdict of one of its metrics."""
+        metric = self.metric(name)
+        return Verdict.NONE if metric is None else metric.verdict
+
+    def verdicts(self, names: Iterable[str]) -> Counter[Verdict]:
+        """The number of metrics with each verdict."""
+        return Counter(map(self.verdict, names))
+
     def parts(self, name: str) -> Sequence[Part]:
         """Parts of one of its metrics; none where it lacks the metric."""
         metric = self.metric(name)
@@ -87,11 +94,8 @@ class LeaderboardRow:
     def answered_errors(self) -> dict[str, float]:
         """Response errors of problems on which at least half of the records, and two, gave a model."""
         # Efficiency gives no verdict where fewer records have a model.
-        too_few = {
-            metric_part.label
-            for metric_part in self.parts("efficiency")
-            if metric_part.passed is None and metric_part.draws
-        }
+        unjudged = [metric_part for metric_part in self.parts("efficiency") if metric_part.passed is None]
+        too_few = {metric_part.label for metric_part in unjudged if metric_part.draws}
         return {problem: error for problem, error in self.response_errors().items() if problem not in too_few}
 
     def unanswered(self, problems: Iterable[str]) -> tuple[str, ...]:
@@ -109,34 +113,75 @@ class LeaderboardRow:
         return float(np.median([errors.get(problem, nan) for problem in problems]))
 
 
-def common_problems(rows: Sequence[LeaderboardRow]) -> tuple[str, ...]:
-    """Problems by whose response errors rows are compared: those that were put to all rows with this metric.
+@dataclass(frozen=True)
+class Leaderboard:
+    """Estimators, compared.
 
-    The problems put to a row count, not those that it answered: else an estimator that answers only easy ones would
-    have the better median, or take hard ones away from the others.
+    Attributes:
+        rows: The estimators, at least one.
     """
-    measured: set[str] = set()
-    for row in rows:
-        measured |= row.response_errors().keys()
-    posed_by_row = []
-    for row in rows:
-        # Parts also name problems that it did not answer.
-        labels = [metric_part.label for metric_part in row.parts("frequency_response")]
-        posed = [problem for problem in dict.fromkeys((*labels, *row.response_errors())) if problem in measured]
-        if posed:
-            posed_by_row.append(posed)
-    if not posed_by_row:
-        return ()
-    common = set.intersection(*map(set, posed_by_row))
-    return tuple(problem for problem in posed_by_row[0] if problem in common)
+
+    rows: Sequence[LeaderboardRow]
+
+    @cached_property
+    def metrics(self) -> dict[str, Metric]:
+        """All metrics that any row has, as the first row with them has them: those of this version, then others."""
+        first: dict[str, Metric] = {}
+        for row in self.rows:
+            first = {**row.result.metrics, **first}
+        known = [name for name in GUIDE if name in first]
+        return {name: first[name] for name in (*known, *sorted(first.keys() - GUIDE.keys()))}
+
+    @cached_property
+    def judged(self) -> tuple[str, ...]:
+        """Names of the metrics by which rows are compared: all that give verdicts, whether a row has them or not."""
+        known = [name for name in GUIDE if name not in INFORMATIVE]
+        return (*known, *(name for name in self.metrics if name not in GUIDE and self.is_judged(name)))
+
+    def is_judged(self, name: str) -> bool:
+        """Whether any row has a verdict on a metric."""
+        return any(row.verdict(name) is not Verdict.NONE for row in self.rows)
+
+    @cached_property
+    def problems(self) -> tuple[str, ...]:
+        """Problems by whose response errors rows are compared: those that were put to all rows with this metric.
+
+        The problems put to a row count, not those that it answered: else an estimator that answers only easy ones
+        would have the better median, or take hard ones away from the others.
+        """
+        measured: set[str] = set()
+        for row in self.rows:
+            measured |= row.response_errors().keys()
+        posed_by_row = []
+        for row in self.rows:
+            # Parts also name problems that it did not answer.
+            labels = [metric_part.label for metric_part in row.parts("frequency_response")]
+            posed = [problem for problem in dict.fromkeys((*labels, *row.response_errors())) if problem in measured]
+            if posed:
+                posed_by_row.append(posed)
+        if not posed_by_row:
+            return ()
+        common = set.intersection(*map(set, posed_by_row))
+        return tuple(problem for problem in posed_by_row[0] if problem in common)
+
+    def problems_in_words(self) -> str:
+        """The problems by whose response errors rows are compared, in a sentence."""
+        return ", ".join(self.problems) if len(self.problems) <= MOST_NAMED else f"{len(self.problems)} of them"
+
+    def sorting_key(self, row: LeaderboardRow) -> tuple[int, int, int, float, str]:
+        """The sorting key that `RULE` describes."""
+        counts = row.verdicts(self.judged)
+        unjudged = counts[Verdict.NONE]
+        # An estimator may lack a time without harm: what is timed is no matter of its models.
+        if row.verdict("speed") is Verdict.NONE:
+            unjudged -= 1
+        # Rows without a value of efficiency stand behind those with one.
+        efficiency = row.metric("efficiency")
+        variance = inf if efficiency is None or isnan(efficiency.value) else efficiency.value
+        return counts[Verdict.FAILS], unjudged, -counts[Verdict.PASSES], variance, row.name
 
 
-def listed(problems: Sequence[str]) -> str:
-    """Problems in a sentence."""
-    return ", ".join(problems) if len(problems) <= MOST_NAMED else f"{len(problems)} of them"
-
-
-def ranked(paths: Iterable[Path]) -> tuple[LeaderboardRow, ...]:
+def ranked(paths: Iterable[Path]) -> Leaderboard:
     """Read results of the test bench and rank the estimators.
 
     Args:
@@ -155,9 +200,9 @@ def ranked(paths: Iterable[Path]) -> tuple[LeaderboardRow, ...]:
             )
         # Tables and drawings call estimators by their names.
         rows[row.name] = row
-    judged = judged_metrics(row.result for row in rows.values())
-    ordered = sorted(rows.values(), key=lambda row: _sorting_key(row.result, judged))
-    return tuple(replace(row, number=number) for number, row in enumerate(ordered, 1))
+    unordered = Leaderboard(tuple(rows.values()))
+    ordered = sorted(unordered.rows, key=unordered.sorting_key)
+    return Leaderboard(tuple(replace(row, number=number) for number, row in enumerate(ordered, 1)))
 
 
 def _result_files(paths: Iterable[Path]) -> Collection[Path]:
@@ -173,41 +218,26 @@ def _result_files(paths: Iterable[Path]) -> Collection[Path]:
     return files
 
 
-def _sorting_key(result: Result, judged: Collection[str]) -> tuple[int, int, int, float, str]:
-    """The sorting key that RULE describes."""
-    counts = count(result.metrics.get(name) for name in judged)
-    # An estimator may lack a time without harm: what is timed is no matter of its models.
-    unjudged = count(result.metrics.get(name) for name in judged if name != "speed")[Verdict.NONE]
-    # Rows without a value of efficiency stand behind those with one.
-    efficiency = result.metrics.get("efficiency")
-    variance = inf if efficiency is None or isnan(efficiency.value) else efficiency.value
-    return counts[Verdict.FAILS], unjudged, -counts[Verdict.PASSES], variance, result.estimator.name
-
-
 def _read(path: Path) -> LeaderboardRow:
-    """Read a result and check what a sum or a drawing relies on: anyone may have written the file."""
-    foreign = f"{path} is no result of hmtb verify"
-    # Reading a pipe or a device might never end.
-    if path.exists() and not path.is_file():
-        raise ScenarioError(f"{foreign}: it is no ordinary file")
-    if path.is_file() and path.stat().st_size > MOST_BYTES:
-        raise ScenarioError(f"{foreign}: it has more than {MOST_BYTES} bytes")
+    """Read a result and check its curves: anyone may have written the file."""
     result = Result.read(path)
-    counts = [*result.outcomes.values(), *result.reasons.values(), *result.refused.values()]
-    for metric in result.metrics.values():
-        counts += [metric_part.draws for metric_part in metric.parts]
-        if not 0.0 <= metric.false_alarm <= 1.0:
-            raise ScenarioError(f"{foreign}: false-alarm rate {metric.false_alarm} given, expected 0 to 1")
-    if min(counts, default=0) < 0:
-        raise ScenarioError(f"{foreign}: a number of requests or records is below 0")
-    curves: dict[str, dict[str, Curve]] = {}
-    for name, dimensions in CURVES.items():
+    curves = {}
+    for name in (*CURVES, "bandwidth"):
         try:
-            tables = result.metrics[name].curves if name in result.metrics else {}
-            curves[name] = {str(label): _arrays(table, dimensions) for label, table in tables.items()}
-        except (TypeError, KeyError, ValueError, AttributeError) as error:
-            raise ScenarioError(f"{foreign}: the numbers for drawing {name} are damaged ({error})") from error
+            curves[name] = _curves(result, name)
+        except DAMAGE as error:
+            why = f"the numbers for drawing {name} are damaged ({error})"
+            raise ScenarioError(f"{path} is no result of hmtb verify: {why}") from error
     return LeaderboardRow(0, result, path, curves)
+
+
+def _curves(result: Result, name: str) -> dict[str, Curve]:
+    """Curves of a metric by problem or joint; bandwidths, which are drawn from the parts, are only checked."""
+    if name == "bandwidth":
+        bandwidth_classes(result.metrics)
+        return {}
+    tables = result.metrics[name].curves if name in result.metrics else {}
+    return {str(label): _arrays(table, CURVES[name]) for label, table in tables.items()}
 
 
 def _arrays(table: Any, dimensions: Mapping[str, int]) -> Curve:
