@@ -71,7 +71,7 @@ def test_the_command_lists_the_scenarios(environment, tmp_path):
     assert "siso-1-shoulder_yaw" in json.dumps(json.loads(printed))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_packages_of_the_wheel_find_their_data_and_move_the_arm(environment, tmp_path):
     study = ROOT / "scenarios"
     names = [

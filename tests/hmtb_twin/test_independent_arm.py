@@ -88,10 +88,15 @@ def test_rigid_bodies(variant, payload, specimen):
             np.testing.assert_allclose(ours, twins, rtol=0.0, atol=1e-10 * np.abs(twins).max(), err_msg=name)
 
 
+def thorough(*values):
+    """Parameters of a test that runs with the thorough ones."""
+    return pytest.param(*values, marks=pytest.mark.thorough)
+
+
 EXPERIMENTS = [
     ("shoulder_yaw", "binary", 0.004, "nominal", "rpcm", "lugre", "flow"),
     ("shoulder_pitch", "binary", 0.004, "nominal", "rpcm", "lugre", "flow"),
-    ("elbow_pitch", "binary", 0.004, "nominal", "rpcm", "lugre", "flow"),
+    thorough("elbow_pitch", "binary", 0.004, "nominal", "rpcm", "lugre", "flow"),
     ("shoulder_yaw", "binary", 0.004, "nominal", "none", "coulomb", "flow"),
     ("shoulder_pitch", "multisine", 0.004, "nominal", "mdm", "lugre", "flow"),
     ("elbow_pitch", "binary", 0.067, "published", "mdm", "coulomb", "flow"),
@@ -99,12 +104,12 @@ EXPERIMENTS = [
     ("wrist_roll", "binary", 0.002, "nominal", "rpcm", "lugre", "flow"),
     ("shoulder_yaw", "binary", 0.067, "nominal", "mdm", "none", "torque"),
     ("elbow_pitch", "binary", 0.004, "nominal", "none", "lugre", "torque"),
-    ("shoulder_yaw", "multisine", 0.01, "published", "rpcm", "lugre", "torque"),
+    thorough("shoulder_yaw", "multisine", 0.01, "published", "rpcm", "lugre", "torque"),
     ("shoulder_pitch", "binary", 0.01, "published", "none", "viscous", "torque"),
     ("wrist_yaw", "step", 0.01, "published", "none", "coulomb", "torque"),
     ("wrist_roll", "binary", 0.004, "nominal", "none", "coulomb", "torque"),
     ("elbow_pitch", "binary", 0.01, "flight", "rpcm", "lugre", "torque"),
-    ("shoulder_pitch", "multisine", 0.01, "flight", "none", "coulomb", "torque"),
+    thorough("shoulder_pitch", "multisine", 0.01, "flight", "none", "coulomb", "torque"),
     ("shoulder_roll", "multisine", 0.01, "released", "rpcm", "lugre", "flow"),
 ]
 
@@ -170,7 +175,12 @@ def test_error_falls_with_the_fourth_power_of_the_step():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("variant", "servo"),
-    [*product(("nominal", "published"), ("flow", "torque")), ("flight", "torque"), ("released", "flow")],
+    [
+        *(("nominal", "flow"), ("published", "torque"), ("flight", "torque")),
+        pytest.param("nominal", "torque", marks=pytest.mark.thorough),
+        pytest.param("published", "flow", marks=pytest.mark.thorough),
+        pytest.param("released", "flow", marks=pytest.mark.thorough),
+    ],
 )
 def test_bandwidths_of_the_truth(variant, servo):
     for payload, specimen in product(PAYLOADS, (Specimen(), HEAVY)):

@@ -76,7 +76,7 @@ def test_it_says_for_which_models_a_waveform_is_too_poor(run, result, tmp_path):
     assert "warning: order of excitation 2 is too low" in " ".join(out.split())
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_estimators_warn_by_the_same_rule():
     import warnings
 

@@ -102,7 +102,7 @@ def test_no_baseline_goes_below_a_floor(small, floors):
                 assert float(value) >= 0.999 * float(stated["best_linear"]), f"{path.stem} on {experiment}"
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_every_row_is_made_again_by_its_command(small, monkeypatch, result):
     rows = read_table(small.folder / BASELINES)
     assert [one["method"] for one in rows] == [method.name for method in small.spec.baselines.methods]
@@ -144,7 +144,11 @@ def test_models_come_from_the_training_part_of_their_own_arm(small):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
-    ["narx:3/3/1/2", pytest.param("neural_ss:2/2", marks=pytest.mark.thorough), "hammerstein:2/2"],
+    [
+        "narx:3/3/1/2",
+        pytest.param("neural_ss:2/2", marks=pytest.mark.thorough),
+        pytest.param("hammerstein:2/2", marks=pytest.mark.thorough),
+    ],
 )
 def test_nonlinear_baselines_score_well_and_repeat(small, text):
     bench = BaselineData(small, BaselineSpec())

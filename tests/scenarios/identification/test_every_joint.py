@@ -68,6 +68,7 @@ def test_model_of_a_linear_arm_is_its_truth(truth, monkeypatch):
     assert 1e6 * found.true_gain[~found.coupled].max() < found.true_gain[found.coupled].min() > FLOOR
 
 
+@pytest.mark.thorough
 def test_seven_joints_side_by_side_have_no_coupling(truth, monkeypatch):
     monkeypatch.setattr("scenarios.identification.every_joint.ORDERS", ((3, 4),))
     experiments = campaign(FEWER, seed=5)

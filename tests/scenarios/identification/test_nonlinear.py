@@ -111,7 +111,7 @@ def test_narx_refuses_orders_that_make_too_many_terms():
     refused("no sample behind 700 lags", narx, [polynomial_record(1)], 1, 1, 700, 1)
 
 
-@pytest.mark.parametrize("delay", [0, 2])
+@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.thorough), 2])
 def test_the_loop_with_its_dead_zone_is_recovered(delay):
     zone = 0.01
     parts = [loop_record(seed, zone, delay) for seed in (1, 2)]
@@ -156,7 +156,7 @@ def test_sensitivities_of_the_neural_model_are_those_of_finite_differences():
     assert run(values)[1] == pytest.approx(slopes_by_differences(lambda v: run(v)[0], values), abs=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_a_neural_model_beats_its_linear_start_where_there_is_a_tanh():
     parts, test = [wave_record(seed, 0.2) for seed in (1, 2)], wave_record(3, 0.2, WINDOW)
     start = neural_ss(parts, 2, 2, seed=1, iterations=0)

@@ -106,7 +106,7 @@ def test_a_record_that_two_poles_explain_leaves_them_stable():
     assert abs(own.free_radius - np.sqrt(0.62)) < 0.02
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_least_squares_may_leave_the_unit_circle(monkeypatch):
     """The output runs away beside the input: the one pole that explains it lies outside."""
     monkeypatch.setattr(order_search, "ORDERS", (ORDERS[0], ORDERS[-1]))

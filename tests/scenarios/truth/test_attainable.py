@@ -24,6 +24,11 @@ def run(name, seeds=(1,), *, duration=60.0, **changes):
     return list(simulate([replace(scenario, seed=seed) for seed in seeds]))
 
 
+def thorough(*values):
+    """Parameters of a test that runs with the thorough ones."""
+    return pytest.param(*values, marks=pytest.mark.thorough)
+
+
 @pytest.fixture(scope="module")
 def sliding():
     """The yaw joint without friction: as linear as the arm gets."""
@@ -66,7 +71,7 @@ def test_without_noise_nothing_is_left(floors):
     ("name", "changes"),
     [
         ("siso-5-shoulder_yaw", {"chain": QUIET}),
-        ("siso-5-elbow_pitch", {"chain": Chain()}),
+        thorough("siso-5-elbow_pitch", {"chain": Chain()}),
         ("siso-5-shoulder_yaw", {"chain": Chain(), "plant": Plant(process_noise=0.005)}),
     ],
 )
@@ -134,7 +139,7 @@ def test_a_long_regression_from_another_record_does_not_beat_the_best_linear_sys
     assert floors.mean_error == 0.0
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_response():
     """A stuck joint creeps under noise; the motion without noise is not what to expect."""
     plant = Plant(process_noise=0.05, friction_level=20.0)
@@ -205,7 +210,7 @@ def test_refusals(sliding):
     refused("provenance lacks variant, payload, pose, friction", attainable, replace(sliding, provenance={}))
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there():
     """Loaded valves rest about a milliradian off the command, several times what the drives' noise leaves."""
     plain, noisy = (
@@ -222,20 +227,16 @@ def test_servo_valves_rest_beside_their_command_and_the_floor_counts_from_there(
     assert floors.simulation.any_model.rmse == pytest.approx(expected, rel=0.05)
 
 
-def thorough(joint, plant):
-    return pytest.param(joint, plant, marks=pytest.mark.thorough)
-
-
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize(
     ("joint", "plant"),
     [
         ("shoulder_pitch", Plant()),
-        ("elbow_pitch", Plant(process_noise=0.001)),
+        thorough("elbow_pitch", Plant(process_noise=0.001)),
         thorough("shoulder_pitch", Plant(friction="coulomb", oil_temperature=15.0, process_noise=0.001)),
         thorough("elbow_pitch", Plant(actuator="orifice")),
-        ("shoulder_pitch", Plant(actuator="orifice", process_noise=0.001)),
+        thorough("shoulder_pitch", Plant(actuator="orifice", process_noise=0.001)),
         thorough("elbow_pitch", Plant(actuator="orifice", supply_pressure=16.0, process_noise=0.002)),
     ],
 )

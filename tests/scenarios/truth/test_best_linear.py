@@ -35,7 +35,7 @@ def test_without_friction_it_is_the_small_signal_truth_line_by_line():
     assert sum(held) >= binom.ppf(0.01, len(whole), 0.95)
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent():
     approximation = best_linear(YAW, SHORT)
     f = approximation.servo.response.frequencies
@@ -44,7 +44,7 @@ def test_the_test_would_see_a_bandwidth_that_is_off_by_two_percent():
     assert response_agreement(approximation.servo, model.frequency_response(f / 1.02)).p_all.item() < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_several_joints_at_once_give_the_coupled_truth():
     setting = MultisineExperiment("mimo", ("shoulder_pitch", "elbow_pitch"), chain=QUIET)
     approximation = best_linear(setting, replace(SHORT, realisations=5), measured=("elbow_pitch", "shoulder_pitch"))

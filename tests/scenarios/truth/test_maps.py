@@ -198,7 +198,7 @@ def measured(arm, **density):
     return maps(arm, OPERATING_POSE, whole, stage=stage).table, steps
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_without_dry_friction_the_arm_is_linear_up_to_its_velocity_limit():
     arm = load_arm(plant=replace(NOMINAL_PLANT, friction="viscous"))
     table, steps = measured(arm, amplitudes=(2e-3, 0.1))
@@ -262,7 +262,7 @@ def test_what_is_unstable_is_not_called_too_heavy(found):
     assert "At 5 MPa the drives cannot hold the arm. At 35 MPa the arm is unstable." in text
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_poses_that_the_drives_cannot_hold_are_gaps():
     found = maps(load_arm(plant=Plant(supply_pressure=6.0)), OPERATING_POSE, COARSE)
     poses = found.table.rows("operating pose", "workspace", "near", "anywhere", *MOVING)

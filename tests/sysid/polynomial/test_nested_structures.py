@@ -29,7 +29,9 @@ def cost(estimate):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
-@pytest.mark.parametrize("seed", [0, 2, 5])
+@pytest.mark.parametrize(
+    "seed", [pytest.param(0, marks=pytest.mark.thorough), 2, pytest.param(5, marks=pytest.mark.thorough)]
+)
 def test_larger_structures_fit_no_worse(seed):
     data = drifting(seed)
     fits = {n: cost(oe(data, *n, 0)) for n in itertools.product((1, 2, 3, 4), (1, 2, 3, 4))}
@@ -39,7 +41,7 @@ def test_larger_structures_fit_no_worse(seed):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
-@pytest.mark.parametrize(("seed", "order"), [(3, 5), (4, 4)])
+@pytest.mark.parametrize(("seed", "order"), [pytest.param(3, 5, marks=pytest.mark.thorough), (4, 4)])
 def test_one_degree_more_of_everything_fits_no_worse(seed, order):
     """Minima of the smaller structures are initial estimates, each with its own smaller ones."""
     data = drifting(seed)

@@ -64,7 +64,9 @@ def clean(seed, outputs):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("seed", "search"), [(4, False), (14, True), (15, False), (18, False)])
+@pytest.mark.parametrize(
+    ("seed", "search"), [(4, False), pytest.param(14, True, marks=pytest.mark.thorough), (15, False), (18, False)]
+)
 def test_clean_data_of_higher_order_are_fitted_as_well_as_by_armax(seed, search):
     """Steps in A - K C, B - K D, K, C and D end up to 3.5 times higher after 100 steps."""
     data = clean(seed, 1)
