@@ -1,6 +1,7 @@
 """Settings that hold for every test."""
 
 import os
+import random
 from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -24,6 +25,11 @@ settings.register_profile("house", deadline=None, derandomize=True, database=Non
 settings.load_profile("house")
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that shuffles the tests."""
+    parser.addoption("--shuffle", metavar="SEED", help="run the tests in a random order drawn from this seed")
+
+
 # What is expensive to set up is set up once, not once in each process: tests of one file, and all that look at the
 # study, stay together. What takes long begins first, so that no process ends alone with it.
 @pytest.hookimpl(tryfirst=True)
@@ -36,12 +42,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item, group in groups.items():
         if group == "study":
             item.add_marker(pytest.mark.slow)
+    seed = config.getoption("--shuffle")
+    if seed is not None:
+        # Every process draws the same order, or the tests could not be shared out.
+        random.Random(seed).shuffle(items)
     if not hasattr(config, "workerinput"):
         return
     slow = Counter(group for item, group in groups.items() if item.get_closest_marker("slow"))
     for item, group in groups.items():
         item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: (groups[item] != "study", -slow[groups[item]]))
+    if seed is None:
+        items.sort(key=lambda item: (groups[item] != "study", -slow[groups[item]]))
 
 
 @pytest.fixture(scope="session")

@@ -145,7 +145,7 @@ def test_joints_of_an_arm_share_all_but_their_friction():
     }
 
 
-@pytest.mark.slow
+@pytest.mark.thorough
 def test_noise_on_the_logged_command_takes_gain_away_and_needs_no_other_record():
     ((_, rows),) = run_settings(SMALL, (YAW,))
     assert len(rows) == 2 * len(records_of(SMALL))

@@ -124,6 +124,7 @@ def test_false_alarms_and_detection():
     assert last > test.threshold(1500, 10) and 80 <= test.age(1.0) < 100
 
 
+@pytest.mark.thorough
 def test_a_change_is_noticed_and_followed():
     hits = []
     for seed in range(4):
