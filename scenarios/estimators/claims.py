@@ -55,17 +55,7 @@ def claimed_interval(values: FloatArray, data: IOData) -> tuple[FloatArray, Floa
 def known_parameters(
     covariance: FloatArray, polynomials: Polynomials | None, model: StateSpace, data: IOData, task: Task
 ) -> Estimate:
-    """The claimed covariance of the parameters as an estimate, which can propagate it.
-
-    Args:
-        covariance: Of the parameters in the sequence A, B, C, D, F (p, p).
-        polynomials: With the parameters.
-        model: The same in state space.
-        data: The record.
-        task: With the orders, where they were given.
-
-    Returns:
-        An estimate without residuals.
+    """The claimed covariance (p, p) of the parameters as an estimate without residuals, which can propagate it.
 
     Raises:
         NoModelError: There are no parameters, or not as many, or it is no covariance.

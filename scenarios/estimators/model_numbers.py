@@ -1,7 +1,7 @@
 """From named numbers to a checked model: the one path of every answer, from a function or from a file."""
 
 import warnings
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from scenarios.estimators.claims import (
     claimed_response_covariance,
     known_parameters,
 )
-from scenarios.estimators.named_numbers import FRACTION, MATRICES, NAMES, POLYNOMIALS, Numbers, row, shaped
+from scenarios.estimators.named_numbers import FRACTION, MATRICES, POLYNOMIALS, Numbers, row, shaped
 from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.task import Task
 from sysid import IOData, Polynomials, StateSpace, SysidError, SysidWarning
@@ -38,8 +38,7 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
     """Check numbers and make a model of them.
 
     Args:
-        numbers: By names of `NAMES`: `dt`, and A, B, C (D zero, K none where left out) or `num` and `den` or `poly_a`
-            ... `poly_f`, or matrices and polynomials together; and the claims.
+        numbers: By names of `named_numbers.NAMES`, as docs/estimator-protocol.md describes them.
         data: The record of the request.
         task: The task of the request.
 
@@ -49,7 +48,7 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
     Raises:
         NoModelError: They are no model, `malformed` or `not_finite`.
     """
-    _check_names(numbers)
+    _check_form(numbers)
     _check_values(numbers, data)
     innovation = numbers.get("innovation_covariance")
     if innovation is not None:
@@ -65,7 +64,6 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
             model = _of_fractions(numbers, data)
     except SysidError as error:
         raise NoModelError(str(error)) from error
-    _check_channels(model, polynomials, data)
     if model.order > MOST_ORDER:
         raise NoModelError(f"a model of {model.order} states given, expected at most {MOST_ORDER}")
     if not unstable(model):
@@ -74,39 +72,29 @@ def answer_of(numbers: Numbers, data: IOData, task: Task) -> Answer:
         # A comparison that NaN fails too.
         if not size <= LARGEST:
             raise NoModelError(f"a model whose response is {size:g} at some frequency of the task", "not_finite")
-    return _with_claims(Answer(model, polynomials), numbers, data, task)
+    return _with_claims(model, polynomials, numbers, data, task)
 
 
-def _with_claims(answer: Answer, numbers: Numbers, data: IOData, task: Task) -> Answer:
+def _with_claims(
+    model: StateSpace, polynomials: Polynomials | None, numbers: Numbers, data: IOData, task: Task
+) -> Answer:
     """A model with its claims; those about response and bandwidth that are missing follow from the parameters'."""
-    response_covariance, ci95 = None, None
+    covariance, response_covariance, ci95 = None, None, None
     if "response_covariance" in numbers:
         response_covariance = claimed_response_covariance(numbers["response_covariance"], data, task)
     if "bandwidth_ci95" in numbers:
         ci95 = claimed_interval(numbers["bandwidth_ci95"], data)
-    if "covariance" not in numbers:
-        return replace(answer, response_covariance=response_covariance, bandwidth_ci95=ci95)
-    estimate = known_parameters(numbers["covariance"], answer.polynomials, answer.model, data, task)
-    is_missing = response_covariance is None or ci95 is None
-    if is_missing and not unstable(answer.model) and 0 < len(estimate.parameters) <= MOST_PARAMETERS:
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore", SysidWarning)
-            response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
-        if response_covariance is None:
-            response_covariance = response.covariance
-        if ci95 is None:
-            ci95 = bandwidth.ci95
-    return Answer(answer.model, answer.polynomials, estimate.covariance, response_covariance, ci95)
-
-
-def _check_channels(model: StateSpace, polynomials: Polynomials | None, data: IOData) -> None:
-    """Refuse a model, or polynomials beside it, of other inputs and outputs than the record's."""
-    channels = {(model.ny, model.nu)}
-    if polynomials is not None:
-        channels.add((1, polynomials.nu))
-    if channels != {(data.ny, data.nu)}:
-        sizes = " and ".join(f"{ny} output(s) from {nu} input(s)" for ny, nu in sorted(channels))
-        raise NoModelError(f"a model of {sizes} given, expected {data.ny} output(s) from {data.nu} input(s)")
+    if "covariance" in numbers:
+        estimate = known_parameters(numbers["covariance"], polynomials, model, data, task)
+        covariance = estimate.covariance
+        is_missing = response_covariance is None or ci95 is None
+        if is_missing and not unstable(model) and 0 < len(estimate.parameters) <= MOST_PARAMETERS:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore", SysidWarning)
+                response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
+            response_covariance = response.covariance if response_covariance is None else response_covariance
+            ci95 = bandwidth.ci95 if ci95 is None else ci95
+    return Answer(model, polynomials, covariance, response_covariance, ci95)
 
 
 def unstable(model: StateSpace) -> str:
@@ -120,11 +108,9 @@ def unstable(model: StateSpace) -> str:
     return f"{len(outside)} of {len(moduli)} poles {where} {outside[0]:.6g}" if len(outside) else ""
 
 
-def _check_names(numbers: Numbers) -> None:
-    """Refuse unknown names, and what is not exactly one form of a model, or matrices with polynomials."""
+def _check_form(numbers: Numbers) -> None:
+    """Refuse what is not exactly one form of a model, or matrices with polynomials."""
     names = set(numbers)
-    if unknown := sorted(names - set(NAMES)):
-        raise NoModelError(f"unknown {unknown[0]!r} given, expected some of {', '.join(NAMES)}")
     forms = [form for form, (_, allowed) in enumerate(FORMS) if names & allowed]
     if forms not in ([0], [1], [2], [0, 2]) or not all(names >= FORMS[form][0] for form in forms):
         raise NoModelError(
@@ -162,12 +148,11 @@ def _state_space(numbers: Numbers, data: IOData, innovation: FloatArray | None) 
     if n > MOST_ORDER:
         raise NoModelError(f"A of shape {a.shape} given, expected at most {MOST_ORDER} states")
     shapes = ((n, n), (n, data.nu), (data.ny, n), (data.ny, data.nu), (n, data.ny))
-    m = {}
+    matrices: dict[str, Any] = {"D": np.zeros((data.ny, data.nu)), "K": None}
     for name, shape in zip(MATRICES, shapes, strict=True):
         if name in numbers:
-            m[name] = shaped(name, numbers[name], shape)
-    D = m.get("D", np.zeros((data.ny, data.nu)))
-    return StateSpace(m["A"], m["B"], m["C"], D, m.get("K"), data.dt, innovation)
+            matrices[name] = shaped(name, numbers[name], shape)
+    return StateSpace(**matrices, dt=data.dt, innovation_covariance=innovation)
 
 
 def _polynomials(numbers: Numbers, data: IOData) -> Polynomials | None:
@@ -182,7 +167,13 @@ def _polynomials(numbers: Numbers, data: IOData) -> Polynomials | None:
             # Of several inputs B and F have a row each.
             is_matrix = data.nu > 1 and letter in "BF"
             coefficients[letter] = numbers[name] if is_matrix else row(name, numbers[name])
-    return Polynomials(**coefficients)
+    polynomials = Polynomials(**coefficients)
+    if (1, polynomials.nu) != (data.ny, data.nu):
+        raise NoModelError(
+            f"polynomials of 1 output(s) from {polynomials.nu} input(s) given, expected {data.ny} output(s) from "
+            f"{data.nu} input(s)"
+        )
+    return polynomials
 
 
 def _output_error(num: FloatArray, den: FloatArray) -> Polynomials:

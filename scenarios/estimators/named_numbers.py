@@ -20,10 +20,10 @@ POLYNOMIALS = {"poly_a": "A", "poly_b": "B", "poly_c": "C", "poly_d": "D", "poly
 FRACTION = ("num", "den")
 """Of a transfer function."""
 
-CLAIMS = ("innovation_covariance", "covariance", "response_covariance", "bandwidth_ci95")
+CLAIMS = ("covariance", "response_covariance", "bandwidth_ci95")
 """Of the accuracy that an estimator claims."""
 
-NAMES = ("dt", *MATRICES, *POLYNOMIALS, *FRACTION, *CLAIMS)
+NAMES = ("dt", *MATRICES, *POLYNOMIALS, *FRACTION, "innovation_covariance", *CLAIMS)
 """All."""
 
 
@@ -41,7 +41,9 @@ def real(name: str, value: Any) -> FloatArray:
 
 
 def real_numbers(values: Mapping[str, Any]) -> dict[str, FloatArray]:
-    """Real numbers by name, those that are None left out."""
+    """Real numbers by name, those that are None left out; NoModelError for other names than `NAMES`."""
+    if unknown := sorted(values.keys() - set(NAMES)):
+        raise NoModelError(f"unknown {unknown[0][:50]!r} given, expected some of {', '.join(NAMES)}")
     return {name: real(name, value) for name, value in values.items() if value is not None}
 
 

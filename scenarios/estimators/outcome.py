@@ -71,8 +71,3 @@ class EstimatorOutcome(Locked):
     wall: float = float("nan")
     peak_bytes: int = 0
     answer: Answer | None = None
-
-    @property
-    def failed(self) -> bool:
-        """Whether it counts as a failure."""
-        return self.kind not in (MODEL, REFUSED)

@@ -10,9 +10,11 @@ import subprocess
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import psutil
+
+from scenarios.estimators.outcome import MODEL, EstimatorOutcome
 
 ONE_THREAD = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMEXPR", "VECLIB")}
 """One thread each, so that processor times of estimators compare."""
@@ -29,33 +31,13 @@ MOST_LOGGED = 2**26
 TAIL = 1200
 """Bytes of the end of its printed text that a reason may quote."""
 
-KILLING = 5.0
-"""Time that killed processes have to vanish, s."""
+GRACE, KILLING = 0.5, 5.0
+"""Time that a process has to end after it has closed its output, and that killed processes have to vanish, s."""
 
 MARK = "HMTB_ESTIMATOR"
 """Variable of the environment by which descendants are found that have left their session and lost their parent."""
 
 _LIBC = ctypes.CDLL(None)
-_PARENT_DEATH_SIGNAL = 1
-"""Of Linux's prctl: a signal that comes when the parent dies, also when that is killed."""
-
-
-class Reply(NamedTuple):
-    """Reaction of a process to a request.
-
-    Attributes:
-        end: `line` (it answered), `exit` (it ended, or closed its output), `hang` or `memory`.
-        line: The answer.
-        wall: Time until then, s.
-        seconds: Processor time of all its processes until then, s.
-        peak_bytes: Largest memory of all its processes that was seen, bytes.
-    """
-
-    end: str
-    line: str
-    wall: float
-    seconds: float
-    peak_bytes: int
 
 
 class WatchedProcess:
@@ -75,8 +57,7 @@ class WatchedProcess:
     def __init__(
         self, command: Sequence[str], folder: Path, log: Path, *, talks: bool, environment: Mapping[str, str]
     ) -> None:
-        self._log, self._buffer = log, bytearray()
-        self._ended: tuple[int, float] | None = None
+        self._log, self._buffer, self._grace = log, bytearray(), 0.0
         self._mark = secrets.token_hex(8)
         log.write_bytes(b"")
         # Appending, so that the file can be truncated while the process writes to it.
@@ -105,14 +86,19 @@ class WatchedProcess:
             os.set_blocking(self._output, False)
             self._poll.register(self._output, select.POLLIN)
 
-    def exchange(self, request: str, words: Collection[str], *, seconds: float, memory_bytes: float) -> Reply:
-        """Send a line and wait for an answer. After anything but a `line` the process is of no use.
+    def exchange(
+        self, request: str, words: Collection[str], *, seconds: float, memory_bytes: float
+    ) -> EstimatorOutcome:
+        """Send a line and wait for an answer. After anything but an answer the process is of no use.
 
         Args:
             request: The line; empty for none.
             words: First words of an answer; other lines are ignored.
             seconds: Time limit, s.
             memory_bytes: Memory limit of the process with its descendants, bytes.
+
+        Returns:
+            `MODEL` with the answer for its reason; `crash`: it ended, or closed its output; `hang` or `memory`.
         """
         begun, used_before = time.monotonic(), self._processor_seconds()
         if request and self._popen.stdin is not None:
@@ -120,9 +106,11 @@ class WatchedProcess:
             with contextlib.suppress(BrokenPipeError):
                 self._popen.stdin.write(request.encode() + b"\n")
         # The clock begins before the request is written: a process that does not read it hangs.
-        end, line, peak = self._wait(words, begun, begun + seconds, memory_bytes)
+        kind, line, peak = self._wait(words, begun, begun + seconds, memory_bytes)
+        # One that has closed its output may be about to end with a code of its own.
+        self._grace = GRACE if kind == "crash" else 0.0
         wall, used = time.monotonic() - begun, max(self._processor_seconds() - used_before, 0.0)
-        return Reply(end, line, wall, used, max(peak, self._memory(memory_bytes)))
+        return EstimatorOutcome(kind, line, used, wall, max(peak, self._memory(memory_bytes)))
 
     def _forget_earlier_output(self) -> None:
         """Empty log and pipe: what came without a request answers nothing."""
@@ -132,17 +120,17 @@ class WatchedProcess:
         self._buffer.clear()
 
     def _wait(self, words: Collection[str], begun: float, deadline: float, memory_bytes: float) -> tuple[str, str, int]:
-        """How the exchange ends, the answer, and the largest memory that was seen at regular looks."""
+        """Kind of the outcome, the answer, and the largest memory that was seen at regular looks."""
         next_look, pause, peak = begun + FIRST_LOOK, FIRST_LOOK, 0
         while True:
             remaining = min(next_look, deadline) - time.monotonic()
             ready = dict(self._poll.poll(max(0.0, 1000.0 * remaining)))
             if self._output in ready:
-                end, line = self._read_answer(words)
-                if end:
-                    return end, line, peak
+                kind, line = self._read_answer(words)
+                if kind:
+                    return kind, line, peak
             elif self._life in ready:
-                return "exit", "", peak
+                return "crash", "", peak
             time_now = time.monotonic()
             if time_now >= deadline:
                 return "hang", "", peak
@@ -167,18 +155,20 @@ class WatchedProcess:
             file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL))
             return file.read().decode("utf-8", "replace")
 
-    def kill(self, grace: float = 0.0) -> tuple[int, float]:
-        """Kill it with all its descendants.
+    def limit_data(self, beyond: int) -> None:
+        """Let the process allocate so many bytes beyond what it has: what goes beyond raises MemoryError in Python."""
+        process = self._tree[0]
+        # RLIMIT_DATA counts private writable memory; RLIMIT_AS would count mapped code and files too.
+        limit = _ask(process, lambda p: p.memory_info().data, 0) + beyond
+        _ask(process, lambda p: p.rlimit(psutil.RLIMIT_DATA, (limit, limit)), None)
 
-        Args:
-            grace: Time that it has to end by itself, s.
+    def kill(self) -> tuple[int, float]:
+        """Kill it with all its descendants, once.
 
         Returns:
             Exit code, negative for a signal, and processor time with that of the children that it waited for, s.
         """
-        if self._ended is not None:
-            return self._ended
-        select.select([self._life], [], [], grace)
+        select.select([self._life], [], [], self._grace)
         deadline = time.monotonic() + KILLING
         while time.monotonic() < deadline:
             self._find_descendants()
@@ -195,24 +185,23 @@ class WatchedProcess:
         # wait4 alone tells the processor time of children that the process has waited for.
         _, status, usage = os.wait4(self._popen.pid, 0)
         self._popen.returncode = os.waitstatus_to_exitcode(status)
-        self._ended = self._popen.returncode, usage.ru_utime + usage.ru_stime
         os.close(self._life)
         for pipe in filter(None, (self._popen.stdin, self._popen.stdout)):
             pipe.close()
-        return self._ended
+        return self._popen.returncode, usage.ru_utime + usage.ru_stime
 
     def _read_answer(self, words: Collection[str]) -> tuple[str, str]:
-        """Read what has been printed: how the exchange ends, if it does, and the answer."""
+        """Read what has been printed: kind of the outcome and the answer; empty while there is none."""
         chunk = os.read(self._output, 2**16)
         # A process that closes its output can answer nothing any more, nor can one whose line never ends.
         if not chunk or len(self._buffer) > MOST_PRINTED:
-            return "exit", ""
+            return "crash", ""
         # What stands behind the last end of line is the beginning of the next line.
         *lines, self._buffer = (self._buffer + chunk).split(b"\n")
         for encoded in lines:
             line = encoded.decode("utf-8", "replace").strip()
             if line.partition(" ")[0] in words:
-                return "line", line
+                return MODEL, line
         return "", ""
 
     def _find_descendants(self) -> None:
@@ -246,7 +235,8 @@ class WatchedProcess:
 
 
 def _die_with_parent() -> None:
-    _LIBC.prctl(_PARENT_DEATH_SIGNAL, int(signal.SIGKILL), 0, 0, 0)
+    # PR_SET_PDEATHSIG: Linux sends the signal when the parent dies, also when that is killed.
+    _LIBC.prctl(1, int(signal.SIGKILL), 0, 0, 0)
 
 
 def _ask(process: psutil.Process, question: Callable[[psutil.Process], Any], default: Any) -> Any:

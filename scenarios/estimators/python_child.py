@@ -1,10 +1,10 @@
 """Child process that serves a Python function as a program that stays: files in, a model file out.
 
-`python -m scenarios.estimators.python_child TARGET HOME MEMORY_BYTES`; the protocol is in docs/estimator-protocol.md.
+`python -m scenarios.estimators.python_child TARGET HOME`; the protocol is in docs/estimator-protocol.md.
 """
 
-import contextlib
 import importlib
+import inspect
 import json
 import os
 import resource
@@ -35,7 +35,7 @@ LIBRARIES = (*(sysconfig.get_path(name) for name in ("stdlib", "purelib", "platl
 """Folders whose lines are named in an error only where the estimator has none of its own."""
 
 
-def main(target: str, home: str, memory_bytes: str) -> int:
+def main(target: str, home: str) -> int:
     """Load the function, say `ready`, and answer one line per request until standard input ends."""
     requests, answers = os.fdopen(os.dup(0)), os.fdopen(os.dup(1), "w", buffering=1, errors="backslashreplace")
     # What the function prints goes to the log: on standard output it would be taken for an answer.
@@ -49,7 +49,6 @@ def main(target: str, home: str, memory_bytes: str) -> int:
     except BaseException as error:
         answers.write(f"error {describe(error)}\n")
         return 1
-    _limit_memory(int(memory_bytes))
     answers.write(f"ready {PROTOCOL}\n")
     for line in requests:
         answers.write(f"{_answer(function, json.loads(line))}\n")
@@ -79,7 +78,7 @@ def load(target: str, home: Path) -> Callable[..., Any]:
     try:
         function = attrgetter(function_name)(module)
     except AttributeError as error:
-        functions = ", ".join(_functions_of(module)[:12]) or "no functions"
+        functions = ", ".join(_public_functions(module)[:12]) or "no functions"
         raise ImportError(f"{module_name} has no {function_name!r}; it has {functions}") from error
     if not callable(function):
         raise ImportError(f"{target} is of type {type(function).__name__}, expected a function")
@@ -99,13 +98,10 @@ def _load_file(path: Path) -> ModuleType:
     return module
 
 
-def _functions_of(module: ModuleType) -> list[str]:
-    """Public functions and classes that the module defines itself."""
-    names = []
-    for name, value in vars(module).items():
-        if callable(value) and getattr(value, "__module__", "") == module.__name__ and not name.startswith("_"):
-            names.append(name)
-    return sorted(names)
+def _public_functions(module: ModuleType) -> list[str]:
+    """Functions and classes that the module defines itself."""
+    members = inspect.getmembers(module, lambda value: getattr(value, "__module__", "") == module.__name__)
+    return [name for name, value in members if callable(value) and not name.startswith("_")]
 
 
 def describe(error: BaseException) -> str:
@@ -115,10 +111,8 @@ def describe(error: BaseException) -> str:
     except Exception:
         reason = "its text cannot be printed"
     message = " ".join(f"{type(error).__name__}: {reason}".strip(": \n").split())[:LONGEST_REASON]
-    frames = []
-    for frame in traceback.extract_tb(error.__traceback__):
-        if frame.filename != __file__ and "importlib" not in frame.filename:
-            frames.append(frame)
+    trace = traceback.extract_tb(error.__traceback__)
+    frames = [frame for frame in trace if frame.filename != __file__ and "importlib" not in frame.filename]
     frames = [frame for frame in frames if not frame.filename.startswith(LIBRARIES)] or frames
     if not frames:
         return message
@@ -148,15 +142,6 @@ def _processor_seconds() -> float:
     """Processor time of this process, all its threads, and its children that have ended, s."""
     usages = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(usage.ru_utime + usage.ru_stime for usage in usages)
-
-
-def _limit_memory(allowed: int) -> None:
-    """Let this process allocate so many bytes beyond what it has: what goes beyond raises MemoryError."""
-    # RLIMIT_DATA counts private writable memory; RLIMIT_AS would count mapped code and files too.
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        status = Path("/proc/self/status").read_text().splitlines()
-        held = 1024 * int(next(line.split()[1] for line in status if line.startswith("VmData")))
-        resource.setrlimit(resource.RLIMIT_DATA, (held + allowed, held + allowed))
 
 
 if __name__ == "__main__":

@@ -26,9 +26,9 @@ MODEL_STEM = "model"
 MOST_BYTES = 2**26
 """No model file is larger: 100 states take 2 MB as text."""
 
-
 _RECORD = ("dt", "window", "missing", "intersample")
 _LABELS = ("input_names", "output_names", "input_units", "output_units")
+_TASK = ("structure", "most_order", "seed")
 
 
 def paths(folder: Path, formats: Collection[str]) -> dict[str, str]:
@@ -41,23 +41,14 @@ def write_request(folder: Path, data: IOData, task: Task, formats: Collection[st
     """Write a record and a task.
 
     Names and units of channels are left out, and so is the name of the record: they would tell which problem it is.
-
-    Args:
-        folder: For the files.
-        data: The record.
-        task: What is asked.
-        formats: Some of `FORMATS`.
     """
     blank = IOData(data.u, data.y, data.dt, intersample=data.intersample, window=data.window, missing=data.missing)
     for name in formats:
         _WRITERS[name](folder / FORMATS[name], blank)
-    table: dict[str, object] = {"protocol": PROTOCOL, "orders": dict(task.orders)}
-    for name in ("structure", "most_order", "seed"):
-        table[name] = getattr(task, name)
-    table["frequencies"] = task.frequencies.tolist()
-    table |= {"samples": len(blank), "inputs": blank.nu, "outputs": blank.ny}
-    for name in (*_RECORD, *_LABELS):
-        table[name] = getattr(blank, name)
+    table = {"protocol": PROTOCOL, "samples": len(blank), "inputs": blank.nu, "outputs": blank.ny}
+    table |= {name: getattr(blank, name) for name in (*_RECORD, *_LABELS)}
+    table |= {name: getattr(task, name) for name in _TASK}
+    table |= {"orders": dict(task.orders), "frequencies": task.frequencies.tolist()}
     (folder / TASK_FILE).write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
 
 
@@ -68,7 +59,7 @@ def read_request(record: Path, task: Path) -> tuple[IOData, Task]:
     with np.load(record, allow_pickle=False) as arrays:
         data = IOData(arrays["u"], arrays["y"], **{name: table[name] for name in _RECORD})
     frequencies = np.array(table["frequencies"], dtype=np.float64)
-    return data, Task(table["structure"], table["orders"], table["most_order"], frequencies, table["seed"])
+    return data, Task(orders=table["orders"], frequencies=frequencies, **{name: table[name] for name in _TASK})
 
 
 def write_model(stem: Path, model: Numbers) -> None:
@@ -79,9 +70,6 @@ def write_model(stem: Path, model: Numbers) -> None:
 
 def read_model(folder: Path) -> Numbers:
     """Read the one model file in a folder: `model.json`, `model.mat` or `model.nc`.
-
-    Returns:
-        Numbers by name, unchecked.
 
     Raises:
         NoModelError: There is none, or several, or it cannot be read.
@@ -101,13 +89,10 @@ def read_model(folder: Path) -> Numbers:
         reason = str(error) if explains_itself else f"cannot read {path.name}: {error}"
         # Reasons are counted over requests, so they name no folder.
         raise NoModelError(reason.replace(str(path), path.name)) from error
-    if unknown := sorted(values.keys() - set(NAMES)):
-        raise NoModelError(f"{path.name}: unknown {unknown[0][:50]!r}, expected some of {', '.join(NAMES)}")
     return real_numbers(values)
 
 
 def _read_json(path: Path) -> dict[str, object]:
-    """The named numbers of a JSON object."""
     # Whole numbers of any length become floats: what is too large is infinite and reported as such.
     table = json.loads(path.read_text(encoding="utf-8"), parse_int=float)
     if not isinstance(table, dict):
@@ -116,7 +101,6 @@ def _read_json(path: Path) -> dict[str, object]:
 
 
 def _read_netcdf(path: Path) -> dict[str, object]:
-    """The named numbers of a NetCDF4 file, `dt` also as an attribute."""
     contents = read_netcdf(path, only=NAMES)
     values: dict[str, object] = {name: variable.values for name, variable in contents.variables.items()}
     # The sampling time may be an attribute as well as a variable.

@@ -1,14 +1,6 @@
 """Values that a Python function may return, as named numbers. Runs in the function's own process.
 
-It may return
-
-- `Answer`: a model and all claims about it;
-- `sysid.Estimate`: the accuracy that it knows of its response and bandwidth is claimed too;
-- `sysid.StateSpace` or `sysid.Polynomials`;
-- python-control's `StateSpace` or `TransferFunction`, discrete in time with the sampling time of the record;
-- a tuple (model, covariance) or (model, covariance, bandwidth_ci95): a model of the two lines before. The covariance is
-  that of the parameters of polynomials or of a transfer function (p, p), in the sequence A, B, C, D, F (numerator
-  before denominator), or that of the response (nf, ny, nu, 2, 2); either of the two may be None.
+docs/estimator-protocol.md says which, and what they mean.
 """
 
 import sys
@@ -16,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scenarios.estimators.named_numbers import MATRICES, POLYNOMIALS, Numbers, real, real_numbers
+from scenarios.estimators.named_numbers import CLAIMS, MATRICES, POLYNOMIALS, Numbers, real, real_numbers
 from scenarios.estimators.outcome import Answer, NoModelError
 from scenarios.estimators.task import Task
 from sysid import Estimate, IOData, Polynomials, StateSpace
@@ -35,16 +27,12 @@ def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
     """Named numbers of what a function returned.
 
     Raises:
-        NoModelError: It is nothing of the list above.
+        NoModelError: It is nothing that the protocol knows.
     """
     if isinstance(value, Estimate):
-        value = _answer_of_estimate(value, task)
+        value = estimate_answer(value, task)
     if isinstance(value, Answer):
-        claims = {
-            "covariance": value.covariance,
-            "response_covariance": value.response_covariance,
-            "bandwidth_ci95": value.bandwidth_ci95,
-        }
+        claims = {name: getattr(value, name) for name in CLAIMS}
         return _of_model(value.model, data) | _of_polynomials(value.polynomials) | real_numbers(claims)
     if not isinstance(value, tuple):
         return _of_model(value, data)
@@ -57,14 +45,6 @@ def numbers_of(value: object, data: IOData, task: Task) -> Numbers:
     return _of_model(model, data) | real_numbers({name: covariance, "bandwidth_ci95": ends})
 
 
-def _answer_of_estimate(estimate: Estimate, task: Task) -> Answer:
-    """The answer of an estimate; a covariance with some NaN is passed on, to be reported as not finite."""
-    # A method that does not know its covariance says so by NaN throughout; NaN among numbers is not finite.
-    if np.isnan(estimate.covariance).all() or np.isfinite(estimate.covariance).all():
-        return estimate_answer(estimate, task)
-    return Answer(estimate.model, estimate.polynomials, estimate.covariance)
-
-
 def estimate_answer(estimate: Estimate, task: Task) -> Answer:
     """An estimate of the toolbox as an answer.
 
@@ -72,13 +52,14 @@ def estimate_answer(estimate: Estimate, task: Task) -> Answer:
     state-space model are coordinates of its own, so their covariance is propagated here.
 
     Args:
-        estimate: From any method; a covariance that it does not know (NaN) is not claimed.
+        estimate: From any method; a covariance that it does not know (NaN throughout) is not claimed.
         task: What was asked: the response is claimed at its frequencies.
     """
     # An estimate without parameters, or of a method that does not know its covariance, claims nothing.
-    if not estimate.covariance.size or not np.isfinite(estimate.covariance).all():
+    if np.isnan(estimate.covariance).all():
         return Answer(estimate.model, estimate.polynomials)
-    if estimate.polynomials is not None:
+    # NaN among numbers is passed on, to be reported as not finite.
+    if estimate.polynomials is not None or not np.isfinite(estimate.covariance).all():
         return Answer(estimate.model, estimate.polynomials, estimate.covariance)
     # Only here: the process that reads the answer does not know the coordinates.
     response, bandwidth = estimate.response_and_bandwidth(task.frequencies)
@@ -111,16 +92,13 @@ def _of_polynomials(polynomials: Polynomials | None) -> dict[str, FloatArray]:
 def _of_fractions(system: Any) -> dict[str, FloatArray]:
     """Coefficients of falling powers of z, all (ny, nu, k) or (k,)."""
     ny, nu = system.noutputs, system.ninputs
-    numerators, denominators, longest = {}, {}, 0
-    for i, j in np.ndindex(ny, nu):
-        numerators[i, j], denominators[i, j] = real("num", system.num[i][j]), real("den", system.den[i][j])
-        longest = max(longest, len(numerators[i, j]), len(denominators[i, j]))
+    longest = max(len(denominator) for row in system.den for denominator in row)
     num, den = np.zeros((2, ny, nu, longest))
-    for (i, j), numerator in numerators.items():
-        denominator = denominators[i, j]
+    for i, j in np.ndindex(ny, nu):
+        numerator, denominator = real("num", system.num[i][j]), real("den", system.den[i][j])
         if len(numerator) > len(denominator):
             raise NoModelError("a transfer function given that is not causal, expected num no longer than den")
         # Zeros behind both are a power of z above and below: the denominator still begins with its highest power.
         num[i, j, len(denominator) - len(numerator) : len(denominator)] = numerator
         den[i, j, : len(denominator)] = denominator
-    return {"num": num[0, 0], "den": den[0, 0]} if (ny, nu) == (1, 1) else {"num": num, "den": den}
+    return {"num": num, "den": den}

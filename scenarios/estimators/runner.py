@@ -17,7 +17,7 @@ import numpy as np
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.model_numbers import answer_of, unstable
 from scenarios.estimators.outcome import MODEL, REFUSED, EstimatorOutcome, NoModelError
-from scenarios.estimators.process import Reply, WatchedProcess
+from scenarios.estimators.process import WatchedProcess
 from scenarios.estimators.request_files import FORMATS, paths, read_model, write_request
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
@@ -39,9 +39,6 @@ PROGRAM_WORDS = ("done", REFUSED, "error")
 FUNCTION_WORDS = (*PROGRAM_WORDS, "malformed", "not_finite", "memory")
 """Those of the child of a Python function, whose own printing goes elsewhere."""
 
-GRACE = 0.5
-"""Time that a process has to end after it has closed its output, s."""
-
 NEARLY = 0.9
 """A process that died with this share of its memory limit in use died of that."""
 
@@ -62,11 +59,12 @@ class EstimatorProcess:
     def __init__(self, estimator: Estimator, limits: Limits) -> None:
         self._estimator, self._limits = estimator, limits
         self._stays = estimator.stays or not estimator.program
-        self._home = Path(estimator.home or ".").resolve()
+        self._home = self._working_folder = Path(estimator.home or ".").resolve()
         self._process: WatchedProcess | None = None
         self._at_rest = 0
         self._folder = Path()
         self._command: list[str] = []
+        self._environment: dict[str, str] = {}
         self._paths: dict[str, str] = {}
         self._formats: tuple[str, ...] = ("npz",)
 
@@ -81,15 +79,20 @@ class EstimatorProcess:
         if self._estimator.program:
             self._formats = tuple(name for name in FORMATS if f"{{{name}}}" in self._estimator.target)
             self._command = program_words(self._estimator, self._home)
-        else:
-            # -P: the working folder is not on the path, so that files there hide no package of the bench.
-            child = [sys.executable, "-P", "-m", "scenarios.estimators.python_child"]
-            self._command = [*child, self._estimator.target, str(self._home), str(self._limits.memory_bytes)]
         try:
             self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
         except OSError as error:
             raise ScenarioError(f"cannot make a temporary folder for an estimator: {error}") from error
         self._paths = paths(self._folder / "request", self._formats)
+        if not self._estimator.program:
+            # -P: the working folder is not on the path, so that files there hide no package of the bench.
+            child = [sys.executable, "-P", "-m", "scenarios.estimators.python_child"]
+            self._command = [*child, self._estimator.target, str(self._home)]
+            # The child finds the packages that this process finds.
+            self._environment = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+            # A folder of its own: estimators write files, and import what lies in the working folder.
+            self._working_folder = self._folder / "work"
+            self._working_folder.mkdir()
         try:
             if self._stays:
                 self._start()
@@ -100,7 +103,8 @@ class EstimatorProcess:
 
     def __exit__(self, *error: object) -> None:
         """Kill its processes and remove its files."""
-        self._end()
+        if self._process is not None:
+            self._end(self._process)
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def ask(self, data: IOData, task: Task) -> EstimatorOutcome:
@@ -127,9 +131,7 @@ class EstimatorProcess:
                 "in the folder that the variable TMPDIR names"
             ) from error
         outcome = self._ask_process()
-        if outcome.kind == MODEL:
-            outcome = _with_model(outcome, folder, data, task)
-        return replace(outcome, why=self._with_placeholders(outcome.why))
+        return _with_model(outcome, folder, data, task) if outcome.kind == MODEL else outcome
 
     def _ask_process(self) -> EstimatorOutcome:
         """Let the process answer the files of the request; `MODEL`: its model file has not been read yet."""
@@ -144,43 +146,38 @@ class EstimatorProcess:
         memory_bytes = self._at_rest + self._limits.memory_bytes
         reply = process.exchange(request, words, seconds=self._limits.seconds, memory_bytes=memory_bytes)
         seconds = reply.seconds
-        if reply.end == "line":
-            word, _, why = reply.line.partition(" ")
-            why = one_line(self._with_placeholders(why))[:LONGEST_REASON]
+        if reply.kind == MODEL:
+            word, _, why = reply.why.partition(" ")
+            why = self._printable(why)[:LONGEST_REASON]
+            if word == "memory":
+                # After a MemoryError what it still holds would count against the next answer.
+                self._end(process)
         else:
-            code, seconds_with_children = _kill(process, reply)
-            if reply.end == "exit" and code >= 0 and not self._stays:
-                word, why = self._result_of_program(code, process)
+            code, seconds_with_children = self._end(process)
+            word, why = self._reason_of_end(reply, code, process)
+            if word in PROGRAM_WORDS:
                 seconds = seconds_with_children
-            else:
-                word, why = self._reason_of_end(reply, code, process)
-        if reply.end != "line" or word == "memory":
-            # After a MemoryError what it still holds would count against the next answer.
-            self._end()
         if word != "done":
-            return EstimatorOutcome(word, why, seconds, reply.wall, reply.peak_bytes)
+            return replace(reply, kind=word, why=why, seconds=seconds)
         # A program that stays may report its own processor time behind the word.
         with suppress(ValueError):
             seconds = float(why)
-        return EstimatorOutcome(MODEL, "", seconds, reply.wall, reply.peak_bytes)
+        return replace(reply, kind=MODEL, why="", seconds=seconds)
 
-    def _result_of_program(self, code: int, process: WatchedProcess) -> tuple[str, str]:
-        """Word and reason for a program that is started for each request and ended by itself."""
-        if code == REFUSES:
-            return REFUSED, self._printed(process)
-        word = "error" if code else "done"
-        return word, self._description_of_end(code, process)
-
-    def _reason_of_end(self, reply: Reply, code: int, process: WatchedProcess) -> tuple[str, str]:
-        """Kind and reason of a failure that ended the process."""
-        limit = self._limits.memory_bytes
-        if reply.end == "hang":
+    def _reason_of_end(self, reply: EstimatorOutcome, code: int, process: WatchedProcess) -> tuple[str, str]:
+        """Word and reason where a process ended; one of `PROGRAM_WORDS` if a program started for this did by itself."""
+        description, limit = self._description_of_end(code, process), self._limits.memory_bytes
+        if reply.kind == "crash" and code >= 0 and not self._stays:
+            if code == REFUSES:
+                return REFUSED, self._printed(process)
+            return ("error" if code else "done"), description
+        if reply.kind == "hang":
             return "hang", f"no answer within {self._limits.seconds:g} s"
         # The kernel, or the process itself, may end it between two looks at its memory.
-        if reply.end == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
+        if reply.kind == "memory" or reply.peak_bytes > self._at_rest + NEARLY * limit:
             beyond = " beyond what it had when it was loaded" if self._at_rest else ""
             return "memory", f"more than {limit / 2**20:.0f} MiB{beyond}"
-        return "crash", f"its process ended: {self._description_of_end(code, process)}"
+        return "crash", f"its process ended: {description}"
 
     def _start(self) -> WatchedProcess:
         """Start the process.
@@ -191,30 +188,28 @@ class EstimatorProcess:
         words = self._command
         for name, path in self._paths.items():
             words = [word.replace(f"{{{name}}}", path) for word in words]
-        folder, environment = self._home, {}
-        if not self._estimator.program:
-            # A folder of its own: estimators write files, and import what lies in the working folder.
-            folder = self._folder / "work"
-            folder.mkdir(exist_ok=True)
-            # The child finds the packages that this process finds.
-            environment = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         target, log = self._estimator.target, self._folder / "printed"
         try:
-            process = WatchedProcess(words, folder, log, talks=self._stays, environment=environment)
+            process = WatchedProcess(words, self._working_folder, log, talks=self._stays, environment=self._environment)
         except OSError as error:
             raise ScenarioError(f"cannot start {target!r}: {error.strerror}") from error
         self._process = process
-        if not self._stays:
-            return process
+        if self._stays:
+            self._wait_until_ready(process)
+        return process
+
+    def _wait_until_ready(self, process: WatchedProcess) -> None:
+        target = self._estimator.target
         reply = process.exchange("", ("ready", "error"), seconds=STARTING, memory_bytes=float("inf"))
-        if reply.line == READY:
-            # The limit of a function is beyond what its libraries take, which it cannot help.
-            self._at_rest = 0 if self._estimator.program else process.memory()
-            return process
-        code, _ = _kill(process, reply)
-        self._process = None
-        why = one_line(reply.line.removeprefix("error "))
-        if not why and reply.end == "hang":
+        if reply.why == READY:
+            if not self._estimator.program:
+                # The limit of a function is beyond what its libraries take, which it cannot help.
+                self._at_rest = process.memory()
+                process.limit_data(self._limits.memory_bytes)
+            return
+        code, _ = self._end(process)
+        why = one_line(reply.why.removeprefix("error "))
+        if not why and reply.kind == "hang":
             why = f"not ready within {STARTING:g} s"
         elif not why:
             why = self._description_of_end(code, process)
@@ -224,6 +219,11 @@ class EstimatorProcess:
                 "and then to read a line of JSON for each record"
             )
         raise ScenarioError(f"cannot load {target!r} of {self._estimator.name!r} from {str(self._home)!r}: {why}")
+
+    def _end(self, process: WatchedProcess) -> tuple[int, float]:
+        """Kill the process; its exit code and processor time."""
+        self._process = None
+        return process.kill()
 
     def _description_of_end(self, code: int, process: WatchedProcess) -> str:
         """Exit code or signal, and the end of what it printed."""
@@ -235,26 +235,15 @@ class EstimatorProcess:
         return f"{end}; it printed {printed!r}" if printed else end
 
     def _printed(self, process: WatchedProcess) -> str:
-        return one_line(self._with_placeholders(process.printed()))[-LONGEST_REASON:]
+        return self._printable(process.printed())[-LONGEST_REASON:]
 
-    def _with_placeholders(self, reason: str) -> str:
-        """A reason with placeholders for paths: reasons of different requests are counted together."""
+    def _printable(self, reason: str) -> str:
+        """A reason in one line, placeholders for paths: reasons of different requests are counted together."""
         for name, path in (*self._paths.items(), ("folder", str(self._folder))):
             # Some programs resolve links, and the folder of temporary files may be one.
             for spelling in (os.path.realpath(path), path):
                 reason = reason.replace(spelling, f"{{{name}}}")
-        return reason
-
-    def _end(self) -> None:
-        process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-
-
-def _kill(process: WatchedProcess, reply: Reply) -> tuple[int, float]:
-    """Kill a process; one that has closed its output may be about to end with a code of its own."""
-    grace = GRACE if reply.end == "exit" else 0.0
-    return process.kill(grace)
+        return one_line(reason)
 
 
 def _with_model(outcome: EstimatorOutcome, folder: Path, data: IOData, task: Task) -> EstimatorOutcome:
@@ -285,8 +274,6 @@ def program_words(estimator: Estimator, home: Path) -> list[str]:
             f"command {line!r} given, expected one of {placeholders} where it reads "
             "the record, {model} where it writes its model, and {task} where it reads the task, if it does"
         )
-    if not home.is_dir():
-        raise ScenarioError(f"no folder {str(home)!r}, which is given for {estimator.name!r}")
     # A program with a folder in its name is looked for from home, as a shell there would.
     file_name = str(home / words[0]) if "/" in words[0] else words[0]
     program = shutil.which(file_name)

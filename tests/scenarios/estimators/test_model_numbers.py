@@ -104,7 +104,6 @@ def test_poles_of_the_noise_and_of_states_apart_do_not_make_a_model_unstable():
         ({}, "malformed", "dt given, expected dt and either A, B, C"),
         ({"A": [[1.0]], "num": NUM, "den": DEN}, "malformed", "A, den, dt, num given"),
         ({**MATRICES, "num": NUM, "den": DEN}, "malformed", "expected dt and either"),
-        ({**MATRICES, "E": [[1.0]]}, "malformed", "unknown 'E' given"),
         ({**MATRICES, "poly_a": [1.0]}, "malformed", "expected dt and either"),
         ({**MATRICES, "dt": [0.02, 0.02]}, "malformed", "no sampling time given"),
         ({**MATRICES, "dt": 1.0}, "malformed", "dt = 1 given"),

@@ -84,7 +84,7 @@ def test_special_numbers_of_json(tmp_path):
         ("model.json", b"{", "cannot read model.json"),
         ("model.json", b"[" * 100_000, "cannot read model.json"),
         ("model.json", b"[1]", "holds no JSON object"),
-        ("model.json", b'{"Q": 1}', "unknown 'Q', expected some of dt, A, B"),
+        ("model.json", b'{"Q": 1}', "unknown 'Q' given, expected some of dt, A, B"),
         ("model.json", b'{"A": "x"}', "A of type <U1 given"),
         ("model.json", b'{"A": [[1], [1, 2]]}', "A of type list given"),
         ("model.json", b'{"A": {"re": 1}}', "A of type dict given"),

@@ -68,7 +68,8 @@ def test_functions(data, task):
             assert outcome.why.isprintable() and outcome.wall < 10.0
             assert (outcome.answer is not None) == (kind in ("model", "unstable"))
         outcome, folder = process.ask(data, replace(task, seed=0)), process._folder
-    assert not folder.exists() and len(os.listdir("/proc/self/fd")) == files
+    # Fewer where the process that reads files for earlier tests has ended meanwhile.
+    assert not folder.exists() and len(os.listdir("/proc/self/fd")) <= files
     assert set(psutil.Process().children()) <= children and not left_running()
     # The answer is that of a direct call to the last bit, claims included; time and memory are measured.
     direct = sysid.arx(data, 1, 1, 1)
