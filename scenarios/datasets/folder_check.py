@@ -208,7 +208,7 @@ def _text(folder: Path, checked: CheckedFolder, path: str) -> str:
 
 
 def _differences(plan: DataSetPlan, experiments: list[dict[str, Any]]) -> Iterator[str]:
-    """What the index states of experiments otherwise than the plan."""
+    """Differences between the experiments in the index and those that the spec asks for."""
     if len(plan) != len(experiments):
         yield f"{INDEX} has {len(experiments)} experiments, {SPEC} asks for {len(plan)}"
         return

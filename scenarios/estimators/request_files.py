@@ -45,7 +45,8 @@ def write_request(folder: Path, data: IOData, task: Task, formats: Collection[st
     blank = IOData(data.u, data.y, data.dt, intersample=data.intersample, window=data.window, missing=data.missing)
     for name in formats:
         _WRITERS[name](folder / FORMATS[name], blank)
-    table = {"protocol": PROTOCOL, "samples": len(blank), "inputs": blank.nu, "outputs": blank.ny}
+    table: dict[str, object] = {"protocol": PROTOCOL}
+    table |= {"samples": len(blank), "inputs": blank.nu, "outputs": blank.ny}
     table |= {name: getattr(blank, name) for name in (*_RECORD, *_LABELS)}
     table |= {name: getattr(task, name) for name in _TASK}
     table |= {"orders": dict(task.orders), "frequencies": task.frequencies.tolist()}

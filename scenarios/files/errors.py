@@ -9,6 +9,9 @@ DAMAGE = (OSError, ValueError, LookupError, TypeError, ArithmeticError, Attribut
 """Errors that reading a damaged file raises."""
 
 
+LISTED = 3
+"""Items or differences of which a message lists so many, and only counts the others."""
+
 MOST_NAMES = 24
 """Names that a message lists; more fill several lines of a terminal."""
 

@@ -18,13 +18,10 @@ from time import sleep
 from types import FrameType, ModuleType
 from typing import Any, Generic, TypeVar
 
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import LISTED, ScenarioError
 
 MOST_WORKERS = 1024
 """Most processes of this machine: more would be a slip of the hand."""
-
-LISTED = 3
-"""Items that killed their workers, of which a message lists so many."""
 
 RESUME = "progress is saved: run the command again to resume"
 """End of errors after which nothing is lost."""

@@ -8,13 +8,10 @@ from contextlib import AbstractContextManager, closing, suppress
 from pathlib import Path
 from typing import Any
 
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import LISTED, ScenarioError
 
 LAST = "\U0010ffff"
 """Sorts behind everything that may follow a prefix."""
-
-LISTED = 3
-"""Differences of settings and software that a message lists."""
 
 LONGEST_VALUE = 40
 """Characters of a value that a message shows."""

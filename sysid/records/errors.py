@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Iterable, Mapping
 
-MOST_CHARACTERS = 1000  # longest message of an error, half a screen: names of channels in it have any length and number
+MOST_CHARACTERS = 1000  # longest message, half a screen: names of channels in it have any length and number
 
 
 class Message(str):
@@ -37,11 +37,11 @@ def reworded(text: str, advice: Mapping[str, str], words: Mapping[str, str]) -> 
     return text
 
 
-class SysidError(ValueError):
-    """Root of the errors of the package: each says what was given and, in the end, what was expected.
+class _Advising(Exception):  # noqa: N818 - warnings derive from it too
+    """An error or a warning that keeps the advice of its message.
 
     Attributes:
-        code: Which error it is, where its message advises arguments; see `Message`.
+        code: Which message it is, where it advises arguments; see `Message`.
         advice: Pieces of the message by the argument that they advise.
     """
 
@@ -55,18 +55,12 @@ class SysidError(ValueError):
         super().__init__(text)
 
 
-class SysidWarning(UserWarning):
-    """Root of the warnings on numerics and data: poor excitation, rank, conditioning, instability.
+class SysidError(_Advising, ValueError):
+    """Root of the errors of the package: each says what was given and, in the end, what was expected."""
 
-    Attributes:
-        code: Which warning it is, where its message advises arguments; see `Message`.
-        advice: Pieces of the message by the argument that they advise.
-    """
 
-    def __init__(self, message: object = "") -> None:
-        self.code: str = getattr(message, "code", "")
-        self.advice: Mapping[str, str] = getattr(message, "advice", {})
-        super().__init__(str(message))
+class SysidWarning(_Advising, UserWarning):
+    """Root of the warnings on numerics and data: poor excitation, rank, conditioning, instability."""
 
 
 def warn_each(messages: Iterable[str], *, stacklevel: int = 1) -> None:

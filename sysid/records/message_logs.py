@@ -13,6 +13,7 @@ from sysid.records.arguments import shortened
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import listed
 from sysid.records.errors import SysidError
+from sysid.records.optional import optional
 from sysid.records.reading_process import UnreadableError, read_apart
 from sysid.records.time_grid import Signal
 
@@ -61,7 +62,7 @@ def read_signals(
     if time not in (None, "header", "log"):
         raise SysidError(f"{file.name}: time={time!r}; expected 'header' or 'log', whose stamps logs of messages have")
     try:
-        with _opened(file) as log:
+        with optional("logs"), _opened(file) as log:
             paths = {field: _split(field, log.topics, file) for field in (*inputs, *outputs)}
             topics = {topic for topic, _ in paths.values()}
             values: dict[str, list[Any]] = {field: [] for field in paths}
@@ -75,10 +76,6 @@ def read_signals(
                         values[field].append(_value(message, steps, field, file))
     except (SysidError, MemoryError):
         raise
-    except ModuleNotFoundError as error:
-        raise SysidError(
-            f"{file.name}: logs of messages need mcap and rosbags: pip install 'hmtb-twin[logs]'"
-        ) from error
     except Exception as error:  # what the libraries raise on damaged files follows no rule
         reason = shortened(str(error), 200) or type(error).__name__
         raise SysidError(f"{file.name}: {DAMAGED} ({reason})") from error

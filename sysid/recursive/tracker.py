@@ -293,7 +293,7 @@ class Tracker:
         self._rows[-1, :-1], self._rows[-1, -1] = row, self._y[-1] - fit.B @ row[:n]
 
     def _detected_change(self, error: float, fit: StretchFit) -> Change | None:
-        """Test for a change by one more error; an alarm ends the stretch."""
+        """Update the test for a change of the system with a prediction error; a detected change ends the stretch."""
         statistic = self._test.update(error, fit.variance)
         length, parameters = len(self._u) - self._begin, 3 * fit.order + 1
         threshold = self._test.threshold(length, parameters)

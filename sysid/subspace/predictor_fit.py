@@ -186,7 +186,7 @@ class ScaledEquations:
 
     @staticmethod
     def of(normal: Normal, predictor: Predictor, limit: float) -> "ScaledEquations":
-        """Scale and diagonalise."""
+        """Scale normal equations to unit diagonal and transform them to the eigenvectors of their matrix."""
         scale = column_scale(normal.information)
         values, vectors = np.linalg.eigh(normal.information / np.outer(scale, scale))
         # beyond this ratio an eigenvalue is rounding

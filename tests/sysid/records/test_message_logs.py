@@ -151,5 +151,5 @@ def test_damaged_and_foreign_logs_are_refused(tmp_path):
 def test_the_extra_is_named_where_it_is_missing(tmp_path, monkeypatch):
     path = mcap_json(tmp_path / "robot.mcap")
     monkeypatch.setitem(sys.modules, "mcap.reader", None)
-    message = r"logs of messages need mcap and rosbags: pip install 'hmtb-twin\[logs\]'"
+    message = r"this needs the package mcap: pip install './sysid\[logs\]'"
     refused(message, read_signals, str(path), **FIELDS, time=None)
