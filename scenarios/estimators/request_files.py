@@ -7,21 +7,22 @@ from pathlib import Path
 import numpy as np
 from scipy.io import savemat
 
-from hmtb_twin import TwinError
 from hmtb_twin.files.netcdf import Contents, Variable, read_netcdf
 from scenarios.estimators.named_numbers import NAMES, Numbers, real_numbers
 from scenarios.estimators.outcome import NoModelError
 from scenarios.estimators.task import PROTOCOL, Task
-from scenarios.files.errors import ScenarioError
 from sysid import IOData
 from sysid.records.mat_variables import read_variables
 
-FORMATS = {"data": "data.nc", "mat": "data.mat", "csv": "data.csv", "npz": "data.npz"}
-"""Files of the record by placeholder: NetCDF4, MATLAB version 7, text, NumPy."""
-
-TASK_FILE = "task.json"
-MODEL_STEM = "model"
-"""Name of the file that the estimator writes, without its ending."""
+FILES = {
+    "data": "data.nc",
+    "mat": "data.mat",
+    "csv": "data.csv",
+    "npz": "data.npz",
+    "task": "task.json",
+    "model": "model",
+}
+"""Files of a request by placeholder; the estimator adds the ending of the model."""
 
 MOST_BYTES = 2**26
 """No model file is larger: 100 states take 2 MB as text."""
@@ -31,12 +32,6 @@ _LABELS = ("input_names", "output_names", "input_units", "output_units")
 _TASK = ("structure", "most_order", "seed")
 
 
-def paths(folder: Path, formats: Collection[str]) -> dict[str, str]:
-    """Paths of the files of a request by placeholder, with those of some of `FORMATS`."""
-    names = {placeholder: FORMATS[placeholder] for placeholder in formats} | {"task": TASK_FILE, "model": MODEL_STEM}
-    return {placeholder: str(folder / name) for placeholder, name in names.items()}
-
-
 def write_request(folder: Path, data: IOData, task: Task, formats: Collection[str]) -> None:
     """Write a record and a task.
 
@@ -44,13 +39,13 @@ def write_request(folder: Path, data: IOData, task: Task, formats: Collection[st
     """
     blank = IOData(data.u, data.y, data.dt, intersample=data.intersample, window=data.window, missing=data.missing)
     for name in formats:
-        _WRITERS[name](folder / FORMATS[name], blank)
+        FORMATS[name](folder / FILES[name], blank)
     table: dict[str, object] = {"protocol": PROTOCOL}
     table |= {"samples": len(blank), "inputs": blank.nu, "outputs": blank.ny}
     table |= {name: getattr(blank, name) for name in (*_RECORD, *_LABELS)}
     table |= {name: getattr(task, name) for name in _TASK}
     table |= {"orders": dict(task.orders), "frequencies": task.frequencies.tolist()}
-    (folder / TASK_FILE).write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
+    (folder / FILES["task"]).write_text(json.dumps(table, indent=1, allow_nan=False), encoding="utf-8")
 
 
 def read_request(record: Path, task: Path) -> tuple[IOData, Task]:
@@ -75,7 +70,7 @@ def read_model(folder: Path) -> Numbers:
     Raises:
         NoModelError: There is none, or several, or it cannot be read.
     """
-    files = [path for ending in _READERS if (path := folder / f"{MODEL_STEM}{ending}").is_file()]
+    files = [path for ending in _READERS if (path := folder / f"{FILES['model']}{ending}").is_file()]
     if len(files) != 1:
         names = ", ".join(path.name for path in files) or "no model file"
         raise NoModelError(f"{names} written, expected {{model}} with .json, .mat or .nc behind it")
@@ -86,10 +81,9 @@ def read_model(folder: Path) -> Numbers:
     try:
         values = _READERS[path.suffix](path)
     except (OSError, ValueError, RecursionError) as error:
-        explains_itself = isinstance(error, ScenarioError | TwinError)
-        reason = str(error) if explains_itself else f"cannot read {path.name}: {error}"
         # Reasons are counted over requests, so they name no folder.
-        raise NoModelError(reason.replace(str(path), path.name)) from error
+        reason = str(error).replace(str(path), path.name)
+        raise NoModelError(f"cannot read {path.name}: {reason}") from error
     return real_numbers(values)
 
 
@@ -97,7 +91,7 @@ def _read_json(path: Path) -> dict[str, object]:
     # Whole numbers of any length become floats: what is too large is infinite and reported as such.
     table = json.loads(path.read_text(encoding="utf-8"), parse_int=float)
     if not isinstance(table, dict):
-        raise ValueError(f"{path.name} holds no JSON object, expected dt and a model by names")
+        raise ValueError("it holds no JSON object, expected dt and a model by names")
     return table
 
 
@@ -144,9 +138,10 @@ def _write_mat(path: Path, data: IOData) -> None:
     savemat(path, variables, do_compression=True, oned_as="column")
 
 
-_WRITERS: dict[str, Callable[[Path, IOData], None]] = {
+FORMATS: dict[str, Callable[[Path, IOData], None]] = {
     "data": _write_netcdf,
     "mat": _write_mat,
     "csv": _write_csv,
     "npz": lambda path, data: np.savez(path, u=data.u, y=data.y, dt=data.dt, window=data.window),
 }
+"""Writers of the record by placeholder: NetCDF4, MATLAB version 7, text, NumPy."""

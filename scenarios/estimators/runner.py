@@ -18,7 +18,7 @@ from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.model_numbers import answer_of, unstable
 from scenarios.estimators.outcome import MODEL, REFUSED, EstimatorOutcome, NoModelError
 from scenarios.estimators.process import WatchedProcess
-from scenarios.estimators.request_files import FORMATS, paths, read_model, write_request
+from scenarios.estimators.request_files import FILES, FORMATS, read_model, write_request
 from scenarios.estimators.task import PROTOCOL, Task
 from scenarios.files.errors import ScenarioError
 from scenarios.files.printable import one_line
@@ -83,7 +83,8 @@ class EstimatorProcess:
             self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
         except OSError as error:
             raise ScenarioError(f"cannot make a temporary folder for an estimator: {error}") from error
-        self._paths = paths(self._folder / "request", self._formats)
+        for name in (*self._formats, "task", "model"):
+            self._paths[name] = str(self._folder / "request" / FILES[name])
         if not self._estimator.program:
             # -P: the working folder is not on the path, so that files there hide no package of the bench.
             child = [sys.executable, "-P", "-m", "scenarios.estimators.python_child"]
