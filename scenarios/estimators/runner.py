@@ -81,6 +81,7 @@ class EstimatorProcess:
             self._command = program_words(self._estimator, self._home)
         try:
             self._folder = Path(tempfile.mkdtemp(prefix="hmtb-estimator-"))
+            (self._folder / "work").mkdir()
         except OSError as error:
             raise ScenarioError(f"cannot make a temporary folder for an estimator: {error}") from error
         for name in (*self._formats, "task", "model"):
@@ -93,7 +94,6 @@ class EstimatorProcess:
             self._environment = {"PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
             # A folder of its own: estimators write files, and import what lies in the working folder.
             self._working_folder = self._folder / "work"
-            self._working_folder.mkdir()
         try:
             if self._stays:
                 self._start()
