@@ -12,7 +12,7 @@ from scenarios.bench.amplitude_split import JOINTS, AmplitudeSplit
 from scenarios.bench.measurement import Measurement, Measurements
 from scenarios.bench.metric import NAN, Evidence, Metric, MetricDefinition, Part, unjudged
 from scenarios.estimators.outcome import MODEL
-from scenarios.files.codec import Extended, structure
+from scenarios.files.codec import Extended, plain_numbers, structure
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ, near_1_hz
 from scenarios.problems.trial import Trial
 from sysid.validation.monte_carlo import exact_interval_of_share
@@ -25,6 +25,9 @@ SEQUENCE_MRAD = 67
 
 WIDEST = 100.0
 """Ratio of an interval's ends beyond which it is uninformative; as in `sysid.models.bandwidth_claim`."""
+
+CLOSE = 1.1
+"""A median within this factor of its truth is called close."""
 
 WHY = (
     "half-power bandwidth: the median over records, its expected value the best linear truth, the interval the range "
@@ -75,7 +78,71 @@ def bandwidth_classes(metrics: Mapping[str, Metric]) -> tuple[BandwidthClass, ..
     """
     metric = metrics.get("bandwidth")
     classes = () if metric is None else metric.curves.get("classes", ())
-    return structure(tuple[BandwidthClass, ...], classes, "classes")
+    # Of a run in this process they hold numbers of NumPy.
+    return structure(tuple[BandwidthClass, ...], plain_numbers(classes), "classes")
+
+
+@dataclass(frozen=True)
+class RecoveredBandwidths:
+    """Bandwidths that an estimator finds for one joint, excitation and amplitude, beside the true ones, all in Hz.
+
+    Attributes:
+        joint: Of the arm.
+        excitation: Kind of the excitation.
+        mrad: Its amplitude.
+        median: Over the records.
+        range: Of 95 % of the records.
+        small_signal: True one of the linearised arm.
+        best_linear: True one of the best linear approximation.
+        near: Number of records whose bandwidth is about 1 Hz.
+        models: Number of records with a model.
+    """
+
+    joint: str
+    excitation: str
+    mrad: float
+    median: float
+    range: tuple[float, float]
+    small_signal: float
+    best_linear: float
+    near: int
+    models: int
+
+
+def recovered_bandwidths(metrics: Mapping[str, Metric]) -> list[RecoveredBandwidths]:
+    """Bandwidths by joint, excitation and amplitude; none where the run has no bandwidths or no models."""
+    rows = []
+    classes = bandwidth_classes(metrics)
+    for known in sorted(classes, key=lambda known: (known.joint, known.excitation, known.mrad)):
+        found = next(metric_part for metric_part in metrics["bandwidth"].parts if metric_part.label == known.label)
+        rows.append(
+            RecoveredBandwidths(
+                joint=known.joint,
+                excitation=known.excitation,
+                mrad=known.mrad,
+                median=found.value,
+                range=found.interval,
+                small_signal=known.small_signal,
+                best_linear=known.best_linear,
+                near=known.near,
+                models=known.models,
+            )
+        )
+    return rows
+
+
+def one_hertz_answer(recovered: Sequence[RecoveredBandwidths]) -> str:
+    """The answer on the thesis' 1 Hz: whether the estimator recovers it, and whether what it recovers is true."""
+    low, high = ABOUT_1_HZ
+    near, models = sum(row.near for row in recovered), sum(row.models for row in recovered)
+    medians = sum(near_1_hz(row.median) for row in recovered)
+    true = sum(near_1_hz(row.best_linear) for row in recovered)
+    close = sum(1.0 / CLOSE <= row.median / row.best_linear <= CLOSE for row in recovered)
+    return (
+        f"The bandwidth is about 1 Hz ({low:g} to {high:g} Hz) in {near} of {models} records and in the median of "
+        f"{medians} of {len(recovered)} rows; the best linear truth is about 1 Hz in {true} rows, and the median lies "
+        f"within {100 * (CLOSE - 1):.0f} % of that truth in {close}."
+    )
 
 
 @lru_cache(maxsize=64)

@@ -18,7 +18,7 @@ from scenarios.bench.leaderboard import Curve, Leaderboard, LeaderboardRow
 from scenarios.bench.leaderboard_tables import title_of
 from scenarios.bench.leaderboard_words import CAPTIONS
 from scenarios.bench.metric import Part, Verdict
-from scenarios.bench.result_table import number
+from scenarios.bench.result_tables import number
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
 from scenarios.report.figure_style import WIDTH, dress, plain_marks
 from scenarios.report.figures import SETTINGS, Picture, picture

@@ -8,8 +8,9 @@ from math import inf, isnan
 from scenarios.bench.leaderboard import Leaderboard, LeaderboardRow
 from scenarios.bench.leaderboard_words import CAPTIONS, guide_to
 from scenarios.bench.metric import Metric, Part, Verdict
-from scenarios.bench.result_table import UNKNOWN, limits, number
+from scenarios.bench.result_tables import UNKNOWN, limits, number
 from scenarios.estimators.outcome import KINDS
+from scenarios.files.result_table import ResultTable
 
 MOST_ROWS = 40
 """Problems in the rows of a table: a full bench times hundreds."""
@@ -56,6 +57,13 @@ class Table:
     caption: str
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
+
+    def as_text(self) -> ResultTable:
+        """Return the table with the signs of verdicts behind numbers."""
+        rows = []
+        for row in self.rows:
+            rows.append([f"{cell.text} {cell.verdict.sign}" if cell.verdict else cell.text for cell in row])
+        return ResultTable(self.caption, self.columns, rows)
 
 
 def standing(board: Leaderboard) -> Table:

@@ -143,6 +143,16 @@ class Metric:
             return Verdict.FAILS_AS_THEORY_SAYS
         return Verdict.NONE if self.passed is None else Verdict.PASSES
 
+    def record(self) -> dict[str, Any]:
+        """Return what `hmtb verify --json` prints of it."""
+        records = []
+        for metric_part in self.parts:
+            # JSON has no infinity, and null would be a limit that is not known.
+            ends = [str(end) if math.isinf(end) else end for end in metric_part.limits]
+            records.append(vars(metric_part) | {"limits": ends})
+        keys = ("title", "value", "unit", "expected", "interval", "passed", "false_alarm", "why")
+        return {**{key: getattr(self, key) for key in keys}, "verdict": self.verdict.word, "parts": records}
+
 
 @dataclass(frozen=True)
 class Evidence:

@@ -10,8 +10,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from scenarios.bench.bandwidth import one_hertz_answer, recovered_bandwidths
 from scenarios.bench.metric import Metric, all_pass
 from scenarios.estimators.estimator import Estimator, Limits
+from scenarios.estimators.outcome import MODEL, REFUSED
 from scenarios.estimators.task import PROTOCOL
 from scenarios.files.codec import plain_numbers, structure
 from scenarios.files.errors import ScenarioError
@@ -72,6 +74,22 @@ class Result:
     def passed(self) -> bool:
         """Whether no metric fails that theory expects to pass, and something was judged; see `all_pass`."""
         return all_pass(self.metrics)
+
+    @property
+    def failures(self) -> int:
+        """Number of requests that ended without a model and were not refused."""
+        return sum(count for kind, count in self.outcomes.items() if kind not in (MODEL, REFUSED))
+
+    def record(self) -> dict[str, Any]:
+        """Return what `hmtb verify --json` prints of it."""
+        record: dict[str, Any] = {"figures": {name: metric.record() for name, metric in self.metrics.items()}}
+        recovered = recovered_bandwidths(self.metrics)
+        if recovered:
+            record["bandwidth"] = {"rows": list(map(asdict, recovered)), "answer": one_hertz_answer(recovered)}
+        record |= {"passed": self.passed, "estimator": self.estimator.name}
+        for key in ("effort", "seed", "outcomes", "reasons", "seconds", "command"):
+            record[key] = getattr(self, key)
+        return record
 
     def check_counts(self) -> None:
         """Refuse numbers that no run can have: anyone may have written the file.

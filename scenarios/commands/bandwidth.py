@@ -11,7 +11,7 @@ from scenarios.commands.output import (
     optional_folder,
     plain,
     print_json,
-    print_table,
+    print_tables,
     progress,
     say_each,
     say_next,
@@ -191,9 +191,7 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
 def _print(study: "BandwidthStudy") -> None:
     from scenarios.identification.bandwidth_table import bandwidth_table, table_notes
 
-    for joint in study.joints:
-        table = bandwidth_table(study, joint)
-        print_table(table.title, table.columns, table.rows)
+    print_tables(bandwidth_table(study, joint) for joint in study.joints)
     say_each("", table_notes(study))
     say_each("- ", study.answers())
     say_each("failed: ", (f"{name}: {why}" for name, why in study.failed.items()))

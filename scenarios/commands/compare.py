@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import check_figure, draw, print_json, print_table, say, say_each, say_next
+from scenarios.commands.output import check_figure, draw, print_json, print_tables, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -166,8 +166,7 @@ def _print(
 
     first = about_means[0]
     title = f"Models on {data.name}, {sum(map(len, about_means))} samples every {first.dt:g} s"
-    table = comparison_table(judged, first.output_names or (), title)
-    print_table(table.title, table.columns, table.rows)
+    print_tables([comparison_table(judged, first.output_names or (), title)])
     if estimation is not None:
         say_each("identified from: ", [estimation])
     labels_of_remark: dict[str, list[str]] = {}

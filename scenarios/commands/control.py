@@ -12,7 +12,7 @@ from scenarios.commands.output import (
     json_text,
     optional_folder,
     print_json,
-    print_table,
+    print_tables,
     progress,
     say_each,
     say_next,
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from hmtb_twin import Plant
     from scenarios.control.campaign import IdentifiedPair
     from scenarios.control.runs import Law, Tested
-    from scenarios.control.score import Score
     from scenarios.control.study import ControlResult
 
 DEFAULT = ("reach", "rpcm", "siso-5-elbow_pitch", "multisine")
@@ -100,6 +99,7 @@ def control(
     from hmtb_twin import VARIANTS, Plant
     from scenarios.control.campaign import identification_experiment, identify_pair
     from scenarios.control.design import METHODS, designer
+    from scenarios.control.result_tables import result_tables
     from scenarios.control.runs import run_scenarios
     from scenarios.control.study import results, stress
     from scenarios.experiments.waveform import check_seed, seed_range
@@ -139,7 +139,8 @@ def control(
     if json:
         print_json({**content, "files": files})
     else:
-        _print(scored, stressed)
+        print_tables(result_tables(scored, stressed))
+        say_each("failed: ", _failures([*scored, *stressed]))
         say_each("written: ", files)
         if out is not None:
             say_next("control", "reach", "--seeds", 5, "--method", *(out / f"{name}.json" for name in laws))
@@ -226,71 +227,9 @@ def _figures(
     return pictures
 
 
-def _print(scored: "Sequence[ControlResult]", stressed: "Sequence[ControlResult]") -> None:
-    columns = ["scenario", "method", "without\n/ mrad", "with\n/ mrad", "factor", "at limits\n/ %"]
-    columns += ["contact without / with\n/ N", "stable"]
-    rows = []
-    for result in scored:
-        scenario = result.runs.scenario
-        rows.append([f"{scenario.name}, seed {scenario.seed}", *_error_cells(result)])
-    title = "RMS error against the reference model (in brackets: against the simulated flight arm)"
-    print_table(title, columns, rows)
-    rows = []
-    for result in scored:
-        rows += _response_rows(result)
-    if rows:
-        headings = ["scenario", "joint", "gain at 1 Hz", "phase at 1 Hz / °", "bandwidth / Hz"]
-        print_table("What the operator sees: without / with / reference", headings, rows)
-    if stressed:
-        name = stressed[0].runs.scenario.name
-        rows = [[result.condition, *_error_cells(result)] for result in stressed]
-        title = f"{name} with the same laws on other arms, and designs from wrong models"
-        print_table(title, ["condition", *columns[1:]], rows)
-    reasons: list[str] = []
-    for result in (*scored, *stressed):
-        reasons += [f"{name}: {why}" for name, why in result.runs.failed.items()]
-    say_each("failed: ", dict.fromkeys(reasons))
-
-
-def _error_cells(result: "ControlResult") -> list[str]:
-    """Method, errors without and with control, their ratio, share at limits, contact forces and stability."""
-    import numpy as np
-
-    without, controlled = result.without, result.controlled
-    cells = [result.method, _millirad(without)]
-    if controlled is None:
-        return [*cells, "failed", "", "", "", ""]
-    factor, limited = f"{without.total / controlled.total:.2g}", f"{100 * controlled.limited:.2g}"
-    forces = "" if np.isnan(without.force) else f"{without.force:.0f} / {controlled.force:.0f}"
-    stable = "yes" if controlled.stable else "NO"
-    return [*cells, _millirad(controlled), factor, limited, forces, stable]
-
-
-def _millirad(score: "Score") -> str:
-    """Error against the reference model, and against the simulated reference arm where it has run."""
-    import numpy as np
-
-    against_arm = f" ({1e3 * score.total_arm:.3g})" if np.isfinite(score.total_arm) else ""
-    return f"{1e3 * score.total:.3g}{against_arm}"
-
-
-def _response_rows(result: "ControlResult") -> list[list[str]]:
-    """Gain and phase at 1 Hz and bandwidth of each joint: without control, with it, and of the reference."""
-    import numpy as np
-
-    from scenarios.control.campaign import CONTROLLED
-
-    if result.controlled is None:
-        return []
-    reference = result.without.reference_response
-    responses = (result.without.response, result.controlled.response, reference)
-    rows = []
-    for k, joint in enumerate(CONTROLLED):
-        if not np.isfinite(reference.gains[1, k]):  # the run did not excite the joint at 1 Hz
-            continue
-        gains = " / ".join(f"{response.gains[1, k]:.2f}" for response in responses)
-        phases = " / ".join(f"{np.degrees(response.phases[1, k]):.0f}" for response in responses)
-        bandwidths = " / ".join(f"{response.bandwidth_hz[k]:.2f}" for response in responses)
-        cells = [cell.replace("nan", "-") for cell in (gains, phases, bandwidths)]
-        rows.append([f"{result.runs.scenario.name}, {result.method}", joint, *cells])
-    return rows
+def _failures(results: "Sequence[ControlResult]") -> list[str]:
+    """Why runs failed, each reason once."""
+    reasons: dict[str, None] = {}
+    for result in results:
+        reasons |= dict.fromkeys(f"{name}: {why}" for name, why in result.runs.failed.items())
+    return list(reasons)

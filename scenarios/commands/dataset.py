@@ -196,6 +196,7 @@ def score(
         data: Folder of the data set.
         json: Print JSON.
     """
+    from scenarios.datasets.result_tables import score_table
     from scenarios.datasets.score import score as score_predictions
 
     with progress("scoring"):
@@ -213,8 +214,7 @@ def score(
             }
         )
         return 0
-    rows = [(scored.experiment, scored.joint, f"{scored.value:.6g}") for scored in result.scores]
-    print_table(f"{rule.metric} / {rule.unit}", ("record", "output", rule.metric), rows)
+    print_table(*score_table(result))
     for joint, value in result.by_joint.items():
         say(f"{joint}: {value:.6g} {rule.unit}, mean over its records")
     how = f"{counted(rule.steps, 'step')} ahead" if rule.steps else "in simulation"

@@ -12,7 +12,7 @@ from scenarios.commands.output import (
     check_files,
     output_folder,
     print_json,
-    print_table,
+    print_tables,
     progress,
     say,
     say_each,
@@ -151,8 +151,7 @@ def identify(
     if json:
         print_json({**found.record(), "warnings": remarks, "model_file": save, "figures": pictures})
         return 0
-    for table in result_tables(found):
-        print_table(table.title, table.columns, table.rows)
+    print_tables(result_tables(found))
     say_each("warning: ", remarks)
     if save is not None:
         say_each("model: ", [save])

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from hmtb_twin.files.atomic_write import check_place, result_folder
 from hmtb_twin.files.errors import system_reason
@@ -28,6 +28,22 @@ NUMBER = re.compile(r"[-+−±]?[\d∞][^,]{0,30}$")
 
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
+
+
+class TextTable(Protocol):
+    """A table of a result, as the result tables of every room have it."""
+
+    @property
+    def title(self) -> str:
+        """Its title."""
+
+    @property
+    def columns(self) -> Sequence[str]:
+        """Headings; empty where there are none."""
+
+    @property
+    def rows(self) -> Sequence[Sequence[str]]:
+        """Cells."""
 
 
 def plain(value: object) -> object:
@@ -121,6 +137,12 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     with console.capture() as printed:  # by itself it would end the process where the reader of a pipe has left
         console.print(table)
     sys.stdout.write(printed.get())
+
+
+def print_tables(tables: Iterable[TextTable]) -> None:
+    """Print the tables of a result on stdout."""
+    for table in tables:
+        print_table(table.title, table.columns, table.rows)
 
 
 def _is_mostly_numbers(cells: Sequence[str]) -> bool:

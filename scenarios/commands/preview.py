@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import output_folder, print_json, print_table, progress, say, say_each
+from scenarios.commands.output import output_folder, print_json, print_tables, progress, say, say_each
 from scenarios.commands.simulate import simulate
 from scenarios.commands.usage import command_line
 
@@ -49,7 +49,7 @@ def preview(
                 commands = compute_preview(scenario)
                 picture = folder / files[name]
                 save_figure(preview_figure(commands), picture, dpi=120)
-            records[name] = {**_json_record(commands), "plot": str(picture)}
+            records[name] = {**commands.record(), "plot": str(picture)}
             # One after the other, as they are computed.
             if not json:
                 _print(commands, picture)
@@ -61,44 +61,10 @@ def preview(
     return 0
 
 
-def _json_record(commands: "Preview") -> dict[str, object]:
-    from hmtb_twin import JOINTS, Status
-    from scenarios.experiments.model_structures import needed_orders
-
-    joints = {}
-    for joint in commands.moving:
-        joints[joint] = {
-            "peak_rate_rad_s": commands.peak_rate(joint),
-            "velocity_limit_rad_s": commands.velocity_limits[JOINTS.index(joint)],
-            "range_margin_rad": commands.margin(joint),
-        }
-    return {
-        "duration_s": commands.duration,
-        "power_off_s": commands.power_off,
-        "joints": joints,
-        "tool_deflection_m": commands.deflection,
-        "tool_turn_rad": commands.turn,
-        "velocity_limited": commands.velocity_limited,
-        "joint_limited": commands.share(Status.JOINT_LIMITED),
-        "singular": commands.share(Status.SINGULAR),
-        "clipped": {"dac": commands.dac_clipped, "adc": commands.share(Status.CONVERTER_SATURATED)},
-        "order_of_excitation": commands.orders,
-        "needed_order": needed_orders(),
-        "inputs": commands.inputs.summary() if commands.inputs else None,
-        "warnings": commands.warnings(),
-    }
-
-
 def _print(commands: "Preview", picture: Path) -> None:
     from scenarios.experiments.log_review import RATE_LIMITED
 
-    scenario = commands.scenario
-    length = f"{commands.duration:g} s"
-    if commands.duration < scenario.duration:
-        length += f" of {scenario.duration:g} s"
-    mode, axes = scenario.mode.replace("_", " "), ", ".join(scenario.axes)
-    columns = ("joint", "peak rate", "limit", "distance from the range's end")
-    print_table(f"{scenario.name}: {length}, {mode} mode, axes {axes}", columns, commands.joint_rows())
+    print_tables([commands.table()])
     say_each("", commands.lines())
     if commands.velocity_limited:
         say_each("note: ", [RATE_LIMITED])

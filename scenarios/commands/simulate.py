@@ -8,10 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from scenarios.commands.output import (
-    counted,
     output_folder,
     print_json,
-    print_table,
+    print_tables,
     progress,
     say,
     say_each,
@@ -168,19 +167,10 @@ def _print(
     formats: Sequence[str],
 ) -> None:
     from scenarios.experiments.log_review import RATE_LIMITED
+    from scenarios.experiments.run_review import run_table
     from scenarios.files.record_file import unnamed
 
-    rows = []
-    for path, logs in files.items():
-        length = f"{sum(len(log) * log.dt for log in logs):g} s"
-        if len(logs) > 1:
-            length += f" ({len(logs)} tests)"
-        # Of a file with several logs the largest shares.
-        clipped = max(reviews[log.name].clipped for log in logs)
-        limited = max(reviews[log.name].velocity_limited for log in logs)
-        rows.append((str(path), length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"))
-    rows += [(name, f"failed: {why}", "", "") for name, why in result.failed.items()]
-    print_table(counted(len(files), "file"), ("log", "length", "converter clips", "command rate-limited"), rows)
+    print_tables([run_table(files, reviews, result.failed)])
     if any(reviewed.velocity_limited for reviewed in reviews.values()):
         say(RATE_LIMITED)
     for name, reviewed in reviews.items():

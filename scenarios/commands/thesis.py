@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenarios.commands.output import json_text, output_folder, print_json, print_table, say, say_each, say_next
+from scenarios.commands.output import json_text, output_folder, print_json, print_tables, say, say_each, say_next
 
 if TYPE_CHECKING:
     from scenarios.experiments.campaign import Condition
@@ -189,8 +189,7 @@ def _print(record: Mapping[str, Any], conclusions: "Tally | None", seed: int | N
     from scenarios.thesis.frequencies import source_text
     from scenarios.thesis.results import result_tables
 
-    for table in result_tables(record):
-        print_table(*table)
+    print_tables(result_tables(record))
     if conclusions:
         say(source_text(conclusions, seed))
 

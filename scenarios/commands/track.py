@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from scenarios.commands.identify import identify
-from scenarios.commands.output import draw, optional_folder, print_json, print_table, progress, say, say_each, say_next
+from scenarios.commands.output import draw, optional_folder, print_json, print_tables, progress, say, say_each, say_next
 from scenarios.commands.usage import command_line
 from scenarios.files.errors import ScenarioError
 
@@ -119,8 +119,7 @@ def track(
     if json:
         print_json({**tracking.record(), "warnings": remarks, "files": files})
         return 0
-    table = tracking.table()
-    print_table(table.title, table.columns, table.rows)
+    print_tables([tracking.table()])
     say_each("", tracking.alarms_in_words())
     say_each("warning: ", remarks)
     say_each("written: ", files)

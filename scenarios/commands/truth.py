@@ -12,7 +12,9 @@ from scenarios.commands.output import (
     draw,
     output_folder,
     print_json,
+    print_table,
     progress,
+    say,
     say_each,
     say_next,
 )
@@ -256,6 +258,11 @@ def _make_maps(
 
 
 def _show(summary: "TruthSummary") -> None:
-    from scenarios.commands.truth_output import show_truth  # loads NumPy, which help does without
+    from scenarios.truth.result_tables import attainable_notes, attainable_table, joint_notes, joint_table
 
-    show_truth(summary)
+    print_table(*joint_table(summary))
+    say_each("", joint_notes(summary))
+    if summary.attainable:
+        print_table(*attainable_table(summary.attainable))
+        say_each("", attainable_notes(summary.attainable))
+    say("All poles and zeros in the z plane: --json; as a figure: --out truth.svg; over the workspace: --maps")

@@ -248,14 +248,7 @@ def leaderboard(
     if json:
         print_json({"page": page, "markdown": text, "rows": _ranked_records(board), "notes": notes(board)})
         return 0
-    table = standing(board)
-    cells = []
-    for row in table.rows:
-        texts = []
-        for cell in row:
-            texts.append(f"{cell.text} {cell.verdict.sign}" if cell.verdict else cell.text)
-        cells.append(texts)
-    print_table(table.caption, table.columns, cells)
+    print_table(*standing(board).as_text())
     say_each("note: ", notes(board))
     say(RULE)
     say(f"{page} and {text} written")

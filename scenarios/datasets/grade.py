@@ -99,6 +99,23 @@ class Grade(NamedTuple):
         best_of = max if self.scores.scoring.metric == "fit" else min
         return best_of(identified.items(), key=lambda name_and_score: name_and_score[1])
 
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb dataset grade --json` prints of the submission."""
+        best = self.best_baseline
+        rule = self.scores.scoring
+        return {
+            "data_set": self.data_set,
+            "metric": rule.metric,
+            "unit": rule.unit,
+            "score": self.scores.mean,
+            "joints": self.scores.by_joint,
+            "attainable": self.attainable,
+            "too_good": self.too_good,
+            "best_baseline": {"method": best[0], "score": best[1]} if best else None,
+            "scores": [score._asdict() for score in self.scores.scores],
+            "models": [{**model._asdict(), "error_percent": model.error_percent} for model in self.models],
+        }
+
 
 def grade_all(
     withheld: Path, submissions: Path, *, progress: Callable[[int, int], None] | None = None

@@ -10,7 +10,7 @@ from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, simulate
 from hmtb_twin.run.playback import pictured_arm, pictured_log
 from scenarios.experiments.joint_inputs import STILL
 from scenarios.experiments.recipe import Recipe
-from scenarios.experiments.run_review import log_summary
+from scenarios.experiments.run_review import COLUMNS, log_summary
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.files.printable import one_line
@@ -61,7 +61,7 @@ def present_log(log: JointLog, place: str = "") -> Presentation:
         "log of the twin",
         place or log.name,
         _log_recipe(log, file, is_of_session=not place),
-        [("", ("log", "length", "converter clips", "command rate-limited"), [summary.row])],
+        [("", COLUMNS, [summary.row])],
         [facts, *summary.remarks],
         log=log,
     )

@@ -11,9 +11,10 @@ from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
 from hmtb_twin.run.experiment_row import prepare
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import STILL, JointInputs, settled_inputs
-from scenarios.experiments.model_structures import excitation_order_warning
+from scenarios.experiments.model_structures import excitation_order_warning, needed_orders
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
+from scenarios.files.result_table import ResultTable
 
 
 def deadband_warning(scenario: Scenario) -> str | None:
@@ -107,14 +108,44 @@ class Preview:
         """Order of persistent excitation of each file."""
         return tuple(signal.waveform().order_of_excitation() for signal in self.scenario.excitation)
 
-    def joint_rows(self) -> list[tuple[str, str, str, str]]:
-        """Return for each moving joint its name, peak rate, velocity limit and distance from the range's end."""
+    def table(self) -> ResultTable:
+        """Return for each moving joint its peak rate, velocity limit and distance from the range's end."""
+        length = f"{self.duration:g} s"
+        if self.duration < self.scenario.duration:
+            length += f" of {self.scenario.duration:g} s"
+        mode, axes = self.scenario.mode.replace("_", " "), ", ".join(self.scenario.axes)
         rows = []
         for joint in self.moving:
             peak_rate = f"{degrees(self.peak_rate(joint)):.1f} deg/s"
             limit = f"{degrees(self.velocity_limits[JOINTS.index(joint)]):.1f} deg/s"
             rows.append((joint, peak_rate, limit, f"{degrees(self.margin(joint)):.1f} deg"))
-        return rows
+        columns = ("joint", "peak rate", "limit", "distance from the range's end")
+        return ResultTable(f"{self.scenario.name}: {length}, {mode} mode, axes {axes}", columns, rows)
+
+    def record(self) -> dict[str, object]:
+        """Return what `hmtb preview --json` prints of the experiment."""
+        joints = {}
+        for joint in self.moving:
+            joints[joint] = {
+                "peak_rate_rad_s": self.peak_rate(joint),
+                "velocity_limit_rad_s": self.velocity_limits[JOINTS.index(joint)],
+                "range_margin_rad": self.margin(joint),
+            }
+        return {
+            "duration_s": self.duration,
+            "power_off_s": self.power_off,
+            "joints": joints,
+            "tool_deflection_m": self.deflection,
+            "tool_turn_rad": self.turn,
+            "velocity_limited": self.velocity_limited,
+            "joint_limited": self.share(Status.JOINT_LIMITED),
+            "singular": self.share(Status.SINGULAR),
+            "clipped": {"dac": self.dac_clipped, "adc": self.share(Status.CONVERTER_SATURATED)},
+            "order_of_excitation": self.orders,
+            "needed_order": needed_orders(),
+            "inputs": self.inputs.summary() if self.inputs else None,
+            "warnings": self.warnings(),
+        }
 
     def lines(self) -> list[str]:
         """Return the rest of the preview in words."""

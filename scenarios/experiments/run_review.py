@@ -1,7 +1,8 @@
 """Review of a simulated experiment: clipping, velocity limit, inputs, task, shutdowns, and warnings."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from scenarios.experiments.preview import deadband_warning
 from scenarios.experiments.rpcm import RpcmOutcome, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
+from scenarios.files.result_table import ResultTable
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +45,41 @@ class RunReview:
         return f"{100 * self.clipped:.3g} %", f"{100 * self.velocity_limited:.3g} %"
 
 
+COLUMNS = ("log", "length", "converter clips", "command rate-limited")
+"""Headings of a table of logs."""
+
+
+def run_table(
+    files: Mapping[Path, Sequence[JointLog]], reviews: Mapping[str, RunReview], failed: Mapping[str, str]
+) -> ResultTable:
+    """Length and shares of clipped and velocity-limited samples of the logs in each file, and why runs failed.
+
+    Args:
+        files: The logs in each file.
+        reviews: Review of each log by its name.
+        failed: Reasons by name of the run.
+    """
+    rows = []
+    for path, logs in files.items():
+        length = f"{sum(len(log) * log.dt for log in logs):g} s"
+        if len(logs) > 1:
+            length += f" ({len(logs)} tests)"
+        # Of a file with several logs the largest shares.
+        clipped = max(reviews[log.name].clipped for log in logs)
+        limited = max(reviews[log.name].velocity_limited for log in logs)
+        rows.append((str(path), length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"))
+    rows += [(name, f"failed: {why}", "", "") for name, why in failed.items()]
+    title = "1 file" if len(files) == 1 else f"{len(files)} files"
+    return ResultTable(title, COLUMNS, rows)
+
+
 @dataclass(frozen=True)
 class LogSummary:
     """A log in words.
 
     Attributes:
-        row: Name, length, and the shares of samples that a converter clips and that a velocity limit holds.
+        row: Name, length, and the shares of samples that a converter clips and that a velocity limit holds; see
+            `COLUMNS`.
         facts: What it is of, and the share of ticks with each flag, by name.
         remarks: Task, shutdowns and warnings.
     """

@@ -55,7 +55,7 @@ def preview_card(scenario: Scenario) -> PreviewCard:
     seen = preview(scenario)
     head = ("joint", "peak rate", "limit", "from range's end")
     html = card(preview_figure(seen), f"preview of {scenario.name}", SIZE)
-    return PreviewCard(html + table(head, seen.joint_rows()) + listing(seen.lines()), seen.warnings())
+    return PreviewCard(html + table(head, seen.table().rows) + listing(seen.lines()), seen.warnings())
 
 
 def axis_choices(scenario: Scenario) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ All of it runs in the child process of the page: foreign files may hang or crash
 
 from pathlib import Path
 
-from scenarios.bench.result_table import open_result
+from scenarios.bench.result_tables import open_result
 from scenarios.datasets.plan import INDEX, UNFINISHED
 from scenarios.datasets.presentation import present_data_set
 from scenarios.experiments.presentation import Presentation, present_bus_record, present_log, present_scenario

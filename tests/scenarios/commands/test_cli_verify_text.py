@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import pytest
 
+from scenarios.bench.bandwidth import one_hertz_answer, recovered_bandwidths
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
-from scenarios.commands.verify_output import answer, bandwidth_rows, show, show_bandwidths, show_reasons
+from scenarios.bench.result_tables import bandwidth_table
+from scenarios.commands.verify_output import show, show_reasons
 from scenarios.estimators.estimator import Estimator, Limits
 
 NAN = float("nan")
@@ -17,31 +19,32 @@ ROWS = (("elbow_pitch", 40.0, 1.02, 1.04, 8), ("elbow_pitch", 5.0, 0.9, 0.6, 5),
 
 def bandwidth() -> Metric:
     parts = [Part(f"{row[0]} multisine {row[1]:g} mrad", row[2], row[3], (0.8, 1.1), INFINITE, None) for row in ROWS]
-    shared = {"excitation": "multisine", "small_signal": 1.1, "models": 8}
-    classes = [
-        {"joint": joint, "mrad": mrad, "best_linear": best, "near": near, **shared}
-        for joint, mrad, _, best, near in ROWS
-    ]
+    shared = {"excitation": "multisine", "variant": "nominal", "small_signal": 1.1, "models": 8, "published": {}}
+    shared |= {"hz": (1.0,), "best_linear_ci95": (0.9, 1.1)}
+    classes = []
+    for (joint, mrad, _, best, near), part in zip(ROWS, parts, strict=True):
+        classes.append({"label": part.label, "joint": joint, "mrad": mrad, "best_linear": best, "near": near, **shared})
     numbers = 0.9, 0.6, (0.8, 1.1), None, 0.0, ""
     return Metric("bandwidth", "Recovered bandwidth", "Hz", *numbers, tuple(parts), {"classes": classes})
 
 
-def test_bandwidths_joint_by_joint_and_the_answer(capsys):
-    rows = bandwidth_rows({"bandwidth": bandwidth()})
-    assert [(row["joint"], row["mrad"], row["near"]) for row in rows] == [
+def test_bandwidths_joint_by_joint_and_the_answer():
+    rows = recovered_bandwidths({"bandwidth": bandwidth()})
+    assert [(row.joint, row.mrad, row.near) for row in rows] == [
         ("elbow_pitch", 5.0, 5),
         ("elbow_pitch", 40.0, 8),
         ("shoulder_yaw", 5.0, 0),
     ]
-    show_bandwidths(rows)
-    out = capsys.readouterr().out
-    assert "5 of 8" in out and "0.8 to 1.1" in out
-    text = answer(rows)
+    (first, *_) = bandwidth_table(rows).rows
+    assert first[4] == "0.8 to 1.1" and first[-1] == "5 of 8"
+    text = one_hertz_answer(rows)
     assert "in 13 of 24 records and in the median of 2 of 3 rows" in text
     assert text.endswith("truth is about 1 Hz in 1 rows, and the median lies within 10 % of that truth in 1.")
-    assert answer(rows[2:]).endswith("about 1 Hz in 0 rows, and the median lies within 10 % of that truth in 0.")
-    assert bandwidth_rows({}) == []
-    assert bandwidth_rows({"bandwidth": replace(bandwidth(), parts=(), curves={})}) == []
+    assert one_hertz_answer(rows[2:]).endswith(
+        "about 1 Hz in 0 rows, and the median lies within 10 % of that truth in 0."
+    )
+    assert recovered_bandwidths({}) == []
+    assert recovered_bandwidths({"bandwidth": replace(bandwidth(), parts=(), curves={})}) == []
 
 
 def figure(name: str, *parts: Part, passed: bool | None) -> Metric:

@@ -1,14 +1,16 @@
-"""A result as people see it: numbers and intervals as text, the table of its metrics, and how it is opened."""
+"""Results as people see them: numbers and intervals as text, tables of one result and of several."""
 
 from collections.abc import Sequence
 from math import isinf, isnan
 from pathlib import Path
 
+from scenarios.bench.bandwidth import RecoveredBandwidths
 from scenarios.bench.metric import UNLIMITED, Metric, worst_part
 from scenarios.bench.result import Result
 from scenarios.experiments.presentation import Presentation
 from scenarios.experiments.recipe import Recipe
 from scenarios.files.printable import one_line
+from scenarios.files.result_table import ResultTable
 
 UNKNOWN = "–"
 
@@ -40,8 +42,8 @@ def limits(ends: tuple[float, float]) -> str:
     return f"at least {number(low)}" if isinf(high) else f"{number(low)} to {number(high)}"
 
 
-def metric_table(result: Result) -> tuple[str, Sequence[str], Sequence[Sequence[str]]]:
-    """Title, headings and rows of the metrics of one result."""
+def metric_table(result: Result) -> ResultTable:
+    """The metrics of one result, with their verdicts."""
     estimator = result.estimator
     declared = (estimator.structure, estimator.method, estimator.version)
     description = one_line(", ".join(word for word in declared if word))
@@ -50,15 +52,14 @@ def metric_table(result: Result) -> tuple[str, Sequence[str], Sequence[Sequence[
     effort, *fewer_records = result.effort.split(", ", 1)
     run = ", ".join((f"{effort} bench", *fewer_records, f"seed {result.seed}"))
     columns = ("", "value", "passes if", "95 % interval", "verdict")
-    return f"{heading}: {run}", columns, [_metric_row(metric) for metric in result.metrics.values()]
+    return ResultTable(f"{heading}: {run}", columns, [_metric_row(metric) for metric in result.metrics.values()])
 
 
 def _metric_row(metric: Metric) -> tuple[str, ...]:
-    title = f"{metric.title}, {metric.unit}" if metric.unit else metric.title
     # An interval without width is that of a value which chance does not touch.
     interval = UNKNOWN if metric.interval[0] == metric.interval[1] else limits(metric.interval)
     judgement = f"{metric.verdict.sign} {metric.verdict.word}"
-    return title, number(metric.value), _passes_if(metric), interval, judgement
+    return _title(metric), number(metric.value), _passes_if(metric), interval, judgement
 
 
 def _passes_if(metric: Metric) -> str:
@@ -66,6 +67,41 @@ def _passes_if(metric: Metric) -> str:
     judged = [part for part in metric.parts if part.passed is not None]
     ends = worst_part(judged).limits if judged else UNLIMITED
     return UNKNOWN if ends == UNLIMITED else limits(ends)
+
+
+def _title(metric: Metric) -> str:
+    return f"{metric.title}, {metric.unit}" if metric.unit else metric.title
+
+
+def side_by_side(results: Sequence[Result]) -> ResultTable:
+    """The value and verdict of each metric for each estimator, and their failures."""
+    # Runs of chosen figures may have others than their neighbours.
+    first: dict[str, Metric] = {}
+    for result in results:
+        for name, metric in result.metrics.items():
+            first.setdefault(name, metric)
+    rows = []
+    for name, metric_of_first in first.items():
+        cells = []
+        for result in results:
+            other = result.metrics.get(name)
+            cells.append("" if other is None else f"{number(other.value)} {other.verdict.sign}")
+        rows.append((_title(metric_of_first), *cells))
+    rows.append(("Failures", *(f"{result.failures} of {sum(result.outcomes.values())}" for result in results)))
+    return ResultTable("Side by side", ("", *(result.estimator.name for result in results)), rows)
+
+
+def bandwidth_table(recovered: Sequence[RecoveredBandwidths]) -> ResultTable:
+    """Bandwidths that an estimator finds, beside the true ones."""
+    columns = ["joint", "excitation", "amplitude, mrad", "median", "95 % range"]
+    columns += ["small signals", "best linear", "near 1 Hz"]
+    rows = []
+    for row in recovered:
+        record_class = [row.joint, row.excitation, f"{row.mrad:g}"]
+        true = [number(row.small_signal), number(row.best_linear)]
+        near = f"{row.near} of {row.models}"
+        rows.append([*record_class, number(row.median), limits(row.range), *true, near])
+    return ResultTable("Recovered bandwidths of the arm's joints, Hz, beside the true ones", columns, rows)
 
 
 def open_result(path: Path) -> Presentation:

@@ -1,43 +1,26 @@
-"""Output of `hmtb truth`: tables of the true dynamics and of attainable errors, with the lines that explain them."""
+"""Tables of the true dynamics and of attainable errors, with the sentences that explain them."""
 
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scenarios.commands.output import print_table, say
-from scenarios.truth.best_linear import cautions
-from scenarios.truth.truth_summary import LOCKED_NOTE, conditions_in_words, damping_ratio, pose_in_words
-
-if TYPE_CHECKING:
-    from hmtb_twin import JointTruth
-    from scenarios.truth.attainable import Attainable
-    from scenarios.truth.best_linear import BestLinearTruth
-    from scenarios.truth.truth_summary import TruthSummary
+from hmtb_twin import JointTruth
+from scenarios.files.result_table import ResultTable
+from scenarios.truth.attainable import Attainable
+from scenarios.truth.best_linear import BestLinearTruth, cautions
+from scenarios.truth.truth_summary import (
+    LOCKED_NOTE,
+    TruthSummary,
+    conditions_in_words,
+    damping_ratio,
+    pose_in_words,
+)
 
 MRAD = 1e3
 
 
-def show_truth(summary: "TruthSummary") -> None:
-    """Print the truth about an arm."""
-    _print_joints(summary)
-    for name in sorted(summary.locked):
-        say(f"{name}: {LOCKED_NOTE}")
-    say(f"Conditions: {conditions_in_words(summary.arm)}")
-    if summary.arm.friction:
-        exception = " but for the best linear ones" if summary.best_linear else "; see --bla 0.01"
-        say(f"Dry friction is not in these numbers{exception}")
-    _say_small_signal_errors(summary)
-    if summary.truth.plant.process_noise:
-        _say_innovations(summary)
-    if summary.best_linear:
-        _say_best_linear(summary)
-    if summary.attainable:
-        _print_attainable(summary.attainable)
-    say("All poles and zeros in the z plane: --json; as a figure: --out truth.svg; over the workspace: --maps")
-
-
-def _print_joints(summary: "TruthSummary") -> None:
+def joint_table(summary: TruthSummary) -> ResultTable:
+    """The small-signal truth joint by joint, beside it hydraulic resonances and best linear approximations."""
     truth = summary.truth
     columns = ["joint", "bandwidth\n/ Hz", "gain at 0 Hz\n/ (rad/rad)", "delay\n/ samples", "dominant poles\n/ (rad/s)"]
     columns.append("largest zeros\n(z plane)")
@@ -59,10 +42,10 @@ def _print_joints(summary: "TruthSummary") -> None:
         # Only the studied joints have best linear approximations.
         rows.append(row + [""] * (len(columns) - len(row)))
     title = f"Linearised truth of the arm '{truth.variant}' with payload '{truth.payload}', pose {pose_in_words(truth)}"
-    print_table(title, columns, rows)
+    return ResultTable(title, columns, rows)
 
 
-def _dynamics_cells(joint: "JointTruth", dt: float) -> list[str]:
+def _dynamics_cells(joint: JointTruth, dt: float) -> list[str]:
     """Bandwidth, gain at 0 Hz, delay, dominant poles and largest zeros of a joint."""
     # Poles above the Nyquist frequency are aliases at the sampling rate of the bus.
     below_nyquist = [pole for pole in joint.dominant_poles if abs(pole) < np.pi / dt]
@@ -71,7 +54,7 @@ def _dynamics_cells(joint: "JointTruth", dt: float) -> list[str]:
     return [f"{joint.bandwidth_hz:.3f}", f"{joint.dc_gain:.4f}", str(joint.delay_samples), poles, zeros]
 
 
-def _best_linear_cells(approximation: "BestLinearTruth") -> list[str]:
+def _best_linear_cells(approximation: BestLinearTruth) -> list[str]:
     """Bandwidth with its interval, and distortion."""
     hz, low, high = approximation.bandwidth.path()
     bandwidth = f"{hz:.3f} ({low:.3f}..{high:.3f})" if np.isfinite(hz) else "none shows"
@@ -91,37 +74,49 @@ def _first_roots(roots: Iterable[complex], *, digits: int, count: int, with_damp
     return ", ".join(texts[:count]) + rest
 
 
-def _say_small_signal_errors(summary: "TruthSummary") -> None:
+def joint_notes(summary: TruthSummary) -> list[str]:
+    """Locked joints, conditions, errors of the linear model, noise, and how the best linear ones were measured."""
+    notes = [f"{name}: {LOCKED_NOTE}" for name in sorted(summary.locked)]
+    notes.append(f"Conditions: {conditions_in_words(summary.arm)}")
+    if summary.arm.friction:
+        exception = " but for the best linear ones" if summary.best_linear else "; see --bla 0.01"
+        notes.append(f"Dry friction is not in these numbers{exception}")
     errors = summary.truth.small_signal_error.items()
     listed = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in errors)
-    say(f"Relative error of the linear model against the simulated arm (friction off): {listed}")
+    notes.append(f"Relative error of the linear model against the simulated arm (friction off): {listed}")
+    if summary.truth.plant.process_noise:
+        notes.append(_innovations_note(summary))
+    if summary.best_linear:
+        notes += _best_linear_notes(summary)
+    return notes
 
 
-def _say_innovations(summary: "TruthSummary") -> None:
+def _innovations_note(summary: TruthSummary) -> str:
     deviations = []
     for name, joint in summary.joints.items():
         covariance = joint.model.innovation_covariance
         if name not in summary.locked and covariance is not None:
             deviations.append(f"{name} {MRAD * float(np.sqrt(covariance[0, 0])):.4f}")
     listed = ", ".join(deviations)
-    say(f"Standard deviation of each joint's innovations / mrad: {listed} (K and covariance: --json)")
+    return f"Standard deviation of each joint's innovations / mrad: {listed} (K and covariance: --json)"
 
 
-def _say_best_linear(summary: "TruthSummary") -> None:
+def _best_linear_notes(summary: TruthSummary) -> list[str]:
     """How the best linear approximations were measured, and where they say little."""
     multisines = next(iter(summary.best_linear.values())).experiment.multisines
-    say(
+    notes = [
         f"Best linear: {multisines.rms:g} rad rms, {multisines.f_min:g} to {multisines.f_max:g} Hz, each joint alone, "
         f"{multisines.realisations} realisations; friction, velocity limit and noise on"
-    )
+    ]
     for name, approximation in summary.best_linear.items():
         remarks = cautions(approximation, summary.truth)
         if remarks:
-            say(f"{name}: its best linear bandwidth has little meaning: {'; '.join(remarks)}")
+            notes.append(f"{name}: its best linear bandwidth has little meaning: {'; '.join(remarks)}")
+    return notes
 
 
-def _print_attainable(attainable: "Mapping[str, Attainable]") -> None:
-    """Print the smallest errors that models of several classes can reach on a log, and what chance adds."""
+def attainable_table(attainable: Mapping[str, Attainable]) -> ResultTable:
+    """The smallest errors that models of several classes can reach on a record."""
     rows = []
     for name, limit in attainable.items():
         for label, horizon in (("simulation", limit.simulation), ("one step", limit.one_step)):
@@ -131,17 +126,23 @@ def _print_attainable(attainable: "Mapping[str, Attainable]") -> None:
             for floor in (horizon.any_model, horizon.best_linear, of_true_order, horizon.small_signal):
                 cells.append(f"{floor.fit:.2f} % ({MRAD * floor.rmse:.3f})" if floor else "—")
             rows.append([name, label, *cells])
-    first = next(iter(attainable.values()))
+    record = next(iter(attainable.values())).provenance["record"]
     columns = ("joint", "horizon", "any model", "best linear", "of the truth's order", "small-signal truth")
-    print_table(f"Attainable on {first.provenance['record']}: fit (RMSE / mrad)", columns, rows)
-    say(
+    return ResultTable(f"Attainable on {record}: fit (RMSE / mrad)", columns, rows)
+
+
+def attainable_notes(attainable: Mapping[str, Attainable]) -> list[str]:
+    """What chance adds to attainable errors, and what they are the least of."""
+    first = next(iter(attainable.values()))
+    notes = [
         f"Chance: on {first.samples} samples, at most one model in twenty that is as good as a limit has an RMSE more "
-        f"than {100 * (1 - first.by_chance(1.0)):.2g} % below it (more where the model is fitted to this record)"
-    )
-    say(
+        f"than {100 * (1 - first.by_chance(1.0)):.2g} % below it (more where the model is fitted to this record)",
         "Best linear: the least of pulse responses, ARX models and models of the truth's order that are fitted to this "
-        "record's noise-free angles, the initial state free; linear systems of other classes may do better"
-    )
+        "record's noise-free angles, the initial state free; linear systems of other classes may do better",
+    ]
     averaged = [f"{name} {MRAD * limit.mean_error:.3f}" for name, limit in attainable.items() if limit.mean_error]
     if averaged:
-        say(f"Noise-free angles are means over draws of process noise; standard error / mrad: {', '.join(averaged)}")
+        notes.append(
+            f"Noise-free angles are means over draws of process noise; standard error / mrad: {', '.join(averaged)}"
+        )
+    return notes
