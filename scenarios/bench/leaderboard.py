@@ -142,6 +142,11 @@ class Leaderboard:
         """Whether any row has a verdict on a metric."""
         return any(row.verdict(name) is not Verdict.NONE for row in self.rows)
 
+    def false_alarm(self, name: str) -> float:
+        """Probability that a perfect estimator fails a metric, the largest of all rows."""
+        metrics = [row.result.metrics[name] for row in self.rows if row.metric(name) is not None]
+        return max(metric.false_alarm for metric in metrics)
+
     @cached_property
     def problems(self) -> tuple[str, ...]:
         """Problems by whose response errors rows are compared: those that were put to all rows with this metric.

@@ -2,7 +2,6 @@
 
 import re
 from base64 import b64encode
-from dataclasses import dataclass
 from hashlib import sha256
 from html import escape
 from importlib import resources
@@ -11,43 +10,14 @@ from pathlib import Path
 from markupsafe import Markup
 
 from hmtb_twin.files.atomic_write import write_whole
+from scenarios.bench import leaderboard_tables, leaderboard_words
 from scenarios.bench.leaderboard import Leaderboard
 from scenarios.bench.leaderboard_drawings import pictures
 from scenarios.bench.leaderboard_notes import notes
-from scenarios.bench.leaderboard_tables import (
-    Table,
-    by_problem,
-    failing_of,
-    failures,
-    metrics_of,
-    standing,
-    title_of,
-    verdicts,
-)
-from scenarios.bench.leaderboard_words import ORDERS_GIVEN, RULE, MetricGuide, guide_to
 from scenarios.bench.metric import Verdict
 from scenarios.estimators.estimator import METHODS
 from scenarios.estimators.outcome import KINDS
 from scenarios.report.page import Page
-
-
-@dataclass(frozen=True)
-class MetricSection:
-    """Section of the page on one metric.
-
-    Attributes:
-        name: Name of the metric.
-        title: Its title.
-        guide: How to read it.
-        false_alarm: Probability that a perfect estimator fails it, the largest of all rows.
-        table: Its values by problem, where it has any.
-    """
-
-    name: str
-    title: str
-    guide: MetricGuide
-    false_alarm: float
-    table: Table | None
 
 
 def write_leaderboard(board: Leaderboard, folder: Path) -> tuple[Path, Path]:
@@ -71,27 +41,16 @@ def write_leaderboard(board: Leaderboard, folder: Path) -> tuple[Path, Path]:
 
 
 def context(board: Leaderboard) -> dict[str, object]:
-    """The variables of the templates: rows, tables, drawings and notes."""
-    sections = []
-    for name in board.metrics:
-        false_alarms = [row.result.metrics[name].false_alarm for row in board.rows if row.metric(name) is not None]
-        sections.append(
-            MetricSection(name, title_of(board, name), guide_to(name), max(false_alarms), by_problem(board, name))
-        )
+    """The variables of the templates, which take tables and words from their modules."""
     return {
-        "rule": RULE,
-        "orders_given": ORDERS_GIVEN,
+        "board": board,
+        "notes": notes(board),
+        "pictures": pictures(board),
+        "tables": leaderboard_tables,
+        "words": leaderboard_words,
         "verdicts": list(Verdict),
         "kinds": KINDS,
         "methods": METHODS,
-        "rows": board.rows,
-        "notes": notes(board),
-        "standing": standing(board),
-        "table_of_verdicts": verdicts(board),
-        "failures": failures(board),
-        "sections": sections,
-        "pictures": pictures(board),
-        "profiles": [(row, metrics_of(board, row), failing_of(board, row)) for row in board.rows],
     }
 
 

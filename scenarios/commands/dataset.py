@@ -22,6 +22,7 @@ def list_(*, json: bool = False) -> int:
     """
     from scenarios.datasets.canonical import canonical
     from scenarios.datasets.plan import DataSetPlan
+    from scenarios.datasets.result_tables import plan_table
     from scenarios.datasets.spec import shipped
 
     plans = {label: DataSetPlan(spec) for label, spec in shipped().items()}
@@ -35,13 +36,7 @@ def list_(*, json: bool = False) -> int:
             records.append({**record, **sizes})
         print_json({"data_sets": records})
         return 0
-    rows = []
-    for label, plan in plans.items():
-        cost = costs.get(label)
-        size, build_time = (f"{cost.megabytes} MB", f"{cost.minutes:g} min") if cost else ("", "")
-        title = plan.spec.title.removeprefix("HMTB twin: ")
-        rows.append((label, str(len(plan)), f"{plan.seconds / 3600:.3g} h", size, build_time, title))
-    print_table("data sets", ("name", "experiments", "length", "size", "build (2 processors)", "title"), rows)
+    print_table(*plan_table(plans, costs))
     return 0
 
 
@@ -288,17 +283,9 @@ def baselines(
 
 def _print_baselines(rows: Sequence[Mapping[str, str]], different: Mapping[str, Sequence[str]]) -> None:
     """Print the scores of baselines, and how they differ from the published rows."""
-    first = rows[0]
-    scores = [name for name in first if name == "test" or name.startswith("test_")] + ["validation"]
-    horizon = "simulation" if first["steps"] == "0" else f"steps: {first['steps']}"
-    cells = []
-    for row in rows:
-        line = [row["method"], row["orders"]]
-        for name in scores:
-            line.append(f"{float(row[name]):.5g}" if row[name] else "")  # a failed baseline has no score
-        cells.append(line)
-    columns = ["method", "orders", *(name.replace("test_", "test\n") for name in scores)]
-    print_table(f"{first['metric']} / {first['unit']}, {horizon}", columns, cells)
+    from scenarios.datasets.result_tables import baseline_table
+
+    print_table(*baseline_table(rows))
     for row in rows:
         remarks = [row["failed"]] if row["failed"] else different.get(row["command"], ["no such row is published"])
         say_each(f"{row['method']} {row['orders']}: ", remarks)
