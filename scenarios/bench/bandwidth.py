@@ -69,9 +69,28 @@ class BandwidthClass:
     best_linear_ci95: tuple[Extended, Extended]
     published: Mapping[str, Extended]
 
+    @property
+    def median(self) -> float:
+        """Median of the claimed bandwidths; NaN without any."""
+        return float(np.median(self.hz)) if self.hz else NAN
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Range of 95 % of the claimed bandwidths; of fewer than forty it is the whole range."""
+        if not self.hz:
+            return (NAN, NAN)
+        # Order statistics: nothing is interpolated between so few records.
+        low, high = np.quantile(self.hz, [0.025, 0.975], method="inverted_cdf")
+        return float(low), float(high)
+
+    def record(self) -> dict[str, Any]:
+        """Return what `hmtb verify --json` prints of it."""
+        keys = ("joint", "excitation", "mrad", "median", "range", "small_signal", "best_linear", "near", "models")
+        return {key: getattr(self, key) for key in keys}
+
 
 def bandwidth_classes(metrics: Mapping[str, Metric]) -> tuple[BandwidthClass, ...]:
-    """The classes of excitation of the metric's curves; none where the run has no bandwidths or no models.
+    """Recovered bandwidths by joint, excitation and amplitude; none where the run has no bandwidths or no models.
 
     Raises:
         ScenarioError: The curves, which come from a file, are damaged.
@@ -79,59 +98,11 @@ def bandwidth_classes(metrics: Mapping[str, Metric]) -> tuple[BandwidthClass, ..
     metric = metrics.get("bandwidth")
     classes = () if metric is None else metric.curves.get("classes", ())
     # Of a run in this process they hold numbers of NumPy.
-    return structure(tuple[BandwidthClass, ...], plain_numbers(classes), "classes")
+    read = structure(tuple[BandwidthClass, ...], plain_numbers(classes), "classes")
+    return tuple(sorted(read, key=lambda known: (known.joint, known.excitation, known.mrad)))
 
 
-@dataclass(frozen=True)
-class RecoveredBandwidths:
-    """Bandwidths that an estimator finds for one joint, excitation and amplitude, beside the true ones, all in Hz.
-
-    Attributes:
-        joint: Of the arm.
-        excitation: Kind of the excitation.
-        mrad: Its amplitude.
-        median: Over the records.
-        range: Of 95 % of the records.
-        small_signal: True one of the linearised arm.
-        best_linear: True one of the best linear approximation.
-        near: Number of records whose bandwidth is about 1 Hz.
-        models: Number of records with a model.
-    """
-
-    joint: str
-    excitation: str
-    mrad: float
-    median: float
-    range: tuple[float, float]
-    small_signal: float
-    best_linear: float
-    near: int
-    models: int
-
-
-def recovered_bandwidths(metrics: Mapping[str, Metric]) -> list[RecoveredBandwidths]:
-    """Bandwidths by joint, excitation and amplitude; none where the run has no bandwidths or no models."""
-    rows = []
-    classes = bandwidth_classes(metrics)
-    for known in sorted(classes, key=lambda known: (known.joint, known.excitation, known.mrad)):
-        found = next(metric_part for metric_part in metrics["bandwidth"].parts if metric_part.label == known.label)
-        rows.append(
-            RecoveredBandwidths(
-                joint=known.joint,
-                excitation=known.excitation,
-                mrad=known.mrad,
-                median=found.value,
-                range=found.interval,
-                small_signal=known.small_signal,
-                best_linear=known.best_linear,
-                near=known.near,
-                models=known.models,
-            )
-        )
-    return rows
-
-
-def one_hertz_answer(recovered: Sequence[RecoveredBandwidths]) -> str:
+def one_hertz_answer(recovered: Sequence[BandwidthClass]) -> str:
     """The answer on the thesis' 1 Hz: whether the estimator recovers it, and whether what it recovers is true."""
     low, high = ABOUT_1_HZ
     near, models = sum(row.near for row in recovered), sum(row.models for row in recovered)
@@ -267,15 +238,9 @@ def _claimed(m: Measurement, lowest: float) -> float:
 
 
 def _part(row: BandwidthClass) -> Part:
-    """The part of one class: median and 95 % range of its bandwidths; of fewer than forty it is the whole range."""
-    values, median, ends = np.array(row.hz), NAN, (NAN, NAN)
-    if len(values):
-        median = float(np.median(values))
-        # Order statistics: nothing is interpolated between so few records.
-        low, high = np.quantile(values, [0.025, 0.975], method="inverted_cdf")
-        ends = (float(low), float(high))
+    """The part of one class: median and 95 % range of its bandwidths."""
     why = f"{_share_near_1_hz(row.near, row.models)}; small signals {row.small_signal:.3g} Hz"
-    return unjudged(row.label, why, row.models, median, row.best_linear, ends)
+    return unjudged(row.label, why, row.models, row.median, row.best_linear, row.range)
 
 
 def _share_near_1_hz(near: int, models: int) -> str:

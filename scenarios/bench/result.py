@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scenarios.bench.bandwidth import one_hertz_answer, recovered_bandwidths
+from scenarios.bench.bandwidth import bandwidth_classes, one_hertz_answer
 from scenarios.bench.metric import Metric, all_pass
 from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.estimators.outcome import MODEL, REFUSED
@@ -83,9 +83,9 @@ class Result:
     def record(self) -> dict[str, Any]:
         """Return what `hmtb verify --json` prints of it."""
         record: dict[str, Any] = {"figures": {name: metric.record() for name, metric in self.metrics.items()}}
-        recovered = recovered_bandwidths(self.metrics)
+        recovered = bandwidth_classes(self.metrics)
         if recovered:
-            record["bandwidth"] = {"rows": list(map(asdict, recovered)), "answer": one_hertz_answer(recovered)}
+            record["bandwidth"] = {"rows": [row.record() for row in recovered], "answer": one_hertz_answer(recovered)}
         record |= {"passed": self.passed, "estimator": self.estimator.name}
         for key in ("effort", "seed", "outcomes", "reasons", "seconds", "command"):
             record[key] = getattr(self, key)

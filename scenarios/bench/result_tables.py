@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from math import isinf, isnan
 from pathlib import Path
 
-from scenarios.bench.bandwidth import RecoveredBandwidths
+from scenarios.bench.bandwidth import BandwidthClass
 from scenarios.bench.metric import UNLIMITED, Metric, worst_part
 from scenarios.bench.result import Result
 from scenarios.experiments.presentation import Presentation
@@ -91,7 +91,7 @@ def side_by_side(results: Sequence[Result]) -> ResultTable:
     return ResultTable("Side by side", ("", *(result.estimator.name for result in results)), rows)
 
 
-def bandwidth_table(recovered: Sequence[RecoveredBandwidths]) -> ResultTable:
+def bandwidth_table(recovered: Sequence[BandwidthClass]) -> ResultTable:
     """Bandwidths that an estimator finds, beside the true ones."""
     columns = ["joint", "excitation", "amplitude, mrad", "median", "95 % range"]
     columns += ["small signals", "best linear", "near 1 Hz"]

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from scenarios.bench.bandwidth import one_hertz_answer, recovered_bandwidths
+from scenarios.bench.bandwidth import bandwidth_classes, one_hertz_answer
 from scenarios.bench.consistency import WHERE_IT_FAILS
 from scenarios.bench.leaderboard_words import ORDERS_GIVEN
 from scenarios.bench.metric import INFORMATIVE, Metric, Part, Verdict, excess
@@ -27,7 +27,7 @@ def show(results: Sequence[Result], out: Path, *, verbose: bool = False) -> None
     for result in results:
         print_table(*metric_table(result))
         say(_wrapped(ORDERS_GIVEN) + "\n")
-        recovered = recovered_bandwidths(result.metrics)
+        recovered = bandwidth_classes(result.metrics)
         if recovered:
             print_table(*bandwidth_table(recovered))
             say(_wrapped(one_hertz_answer(recovered)) + "\n")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from scenarios.bench.bandwidth import one_hertz_answer, recovered_bandwidths
+from scenarios.bench.bandwidth import bandwidth_classes, one_hertz_answer
 from scenarios.bench.metric import Metric, Part
 from scenarios.bench.result import Result
 from scenarios.bench.result_tables import bandwidth_table
@@ -20,16 +20,18 @@ ROWS = (("elbow_pitch", 40.0, 1.02, 1.04, 8), ("elbow_pitch", 5.0, 0.9, 0.6, 5),
 def bandwidth() -> Metric:
     parts = [Part(f"{row[0]} multisine {row[1]:g} mrad", row[2], row[3], (0.8, 1.1), INFINITE, None) for row in ROWS]
     shared = {"excitation": "multisine", "variant": "nominal", "small_signal": 1.1, "models": 8, "published": {}}
-    shared |= {"hz": (1.0,), "best_linear_ci95": (0.9, 1.1)}
+    shared |= {"best_linear_ci95": (0.9, 1.1)}
     classes = []
-    for (joint, mrad, _, best, near), part in zip(ROWS, parts, strict=True):
-        classes.append({"label": part.label, "joint": joint, "mrad": mrad, "best_linear": best, "near": near, **shared})
+    for (joint, mrad, median, best, near), part in zip(ROWS, parts, strict=True):
+        hz = () if math.isnan(median) else (0.8, median, 1.1)
+        known = {"label": part.label, "joint": joint, "mrad": mrad, "hz": hz, "best_linear": best, "near": near}
+        classes.append({**known, **shared})
     numbers = 0.9, 0.6, (0.8, 1.1), None, 0.0, ""
     return Metric("bandwidth", "Recovered bandwidth", "Hz", *numbers, tuple(parts), {"classes": classes})
 
 
 def test_bandwidths_joint_by_joint_and_the_answer():
-    rows = recovered_bandwidths({"bandwidth": bandwidth()})
+    rows = bandwidth_classes({"bandwidth": bandwidth()})
     assert [(row.joint, row.mrad, row.near) for row in rows] == [
         ("elbow_pitch", 5.0, 5),
         ("elbow_pitch", 40.0, 8),
@@ -43,8 +45,8 @@ def test_bandwidths_joint_by_joint_and_the_answer():
     assert one_hertz_answer(rows[2:]).endswith(
         "about 1 Hz in 0 rows, and the median lies within 10 % of that truth in 0."
     )
-    assert recovered_bandwidths({}) == []
-    assert recovered_bandwidths({"bandwidth": replace(bandwidth(), parts=(), curves={})}) == []
+    assert bandwidth_classes({}) == ()
+    assert bandwidth_classes({"bandwidth": replace(bandwidth(), parts=(), curves={})}) == ()
 
 
 def figure(name: str, *parts: Part, passed: bool | None) -> Metric:
