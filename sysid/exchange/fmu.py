@@ -1,6 +1,7 @@
 """A model as a Functional Mock-up Unit: co-simulation by FMI 2.0, in C."""
 
 import io
+import os
 import platform
 import shutil
 import subprocess
@@ -77,9 +78,10 @@ def _compiled(sources: Mapping[str, bytes], compiler: str) -> bytes | None:
         for name, content in sources.items():
             Path(folder, name).write_bytes(content)
         files = [name for name in sources if name.endswith(".c")]
-        done = subprocess.run(
-            [program, *FLAGS, "-o", "unit.so", *files, "-lm"], cwd=folder, capture_output=True, text=True
-        )
+        # Where PATH is not set `which` looks in the default folders; the compiler must find its linker there too.
+        environment = {"PATH": os.defpath, **os.environ}
+        words = [program, *FLAGS, "-o", "unit.so", *files, "-lm"]
+        done = subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True)
         if done.returncode:
             raise SysidError(f"{compiler} failed: {done.stderr.strip()}; compiler=None leaves the binary out")
         return Path(folder, "unit.so").read_bytes()

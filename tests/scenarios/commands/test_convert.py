@@ -32,12 +32,12 @@ def made(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_simulate_writes_every_format(result, made):
+def test_simulate_writes_every_format(result, made, tmp_path):
     endings = sorted(path.name.replace("siso-5-", "") for path in made.iterdir())
     joints = ("elbow_pitch", "shoulder_yaw")
     assert endings == sorted([f"{j}.{e}" for j in joints for e in ("nc", "csv", "mat", "asc")] + ["run-1.ch10"])
-    again = result("simulate", "siso-5-elbow_pitch", "--format", "1553", "--duration", "2", "--out", made / "one")
-    assert again["logs"] == [str(made / "one" / "siso-5-elbow_pitch.ch10")]
+    again = result("simulate", "siso-5-elbow_pitch", "--format", "1553", "--duration", "2", "--out", tmp_path)
+    assert again["logs"] == [str(tmp_path / "siso-5-elbow_pitch.ch10")]
     (record,) = read_run(again["logs"][0]).tests
     assert (record.name, record.axes, len(record)) == ("siso-5-elbow_pitch", ("elbow_pitch",), 100)
 

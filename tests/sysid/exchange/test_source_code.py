@@ -1,6 +1,7 @@
 """C, FMU and MATLAB exports compute what `simulate` computes and carry names, units, operating point and covariance."""
 
 import ctypes
+import os
 import shutil
 import subprocess
 import zipfile
@@ -61,7 +62,8 @@ def about_a_point(estimate):
 def test_c_source_simulates(model, tmp_path):
     source, header = to_c(model, tmp_path / "servo.c")
     assert header.name == "servo.h"
-    subprocess.run([*STRICT, source, "-o", tmp_path / "servo.so"], check=True)
+    environment = {"PATH": os.defpath, **os.environ}
+    subprocess.run([*STRICT, source, "-o", tmp_path / "servo.so"], env=environment, check=True)
     library = ctypes.CDLL(str(tmp_path / "servo.so"))
     memory, y = ctypes.create_string_buffer(1000), np.zeros(model.ny)
     library.servo_start(memory)
