@@ -174,17 +174,30 @@ def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
     """Whether all roots of z^n + p1 z^(n-1) + ... lie inside the circle of radius 1 - margin, whatever the rounding."""
     if distance_bound(polynomial.tolist()) > max(margin, SURE):
         return True  # a shortcut: every step of a search calls this
-    derivative = _trim(polynomial)
-    roots = np.roots(derivative)
+    trimmed = _trim(polynomial)
+    roots = np.roots(trimmed)
     # rounding moves m roots that nearly coincide by its m-th root
-    rounding = np.finfo(float).eps * np.polyval(np.abs(derivative), np.abs(roots))
+    rounding = np.finfo(float).eps * np.polyval(np.abs(trimmed), np.abs(roots))
     uncertainty = np.full(len(roots), np.inf)
     with np.errstate(divide="ignore"):
-        for m in range(1, len(roots) + 1):
-            derivative = np.polyder(derivative) / m
-            slope = np.abs(np.polyval(derivative, roots))
-            uncertainty = np.minimum(uncertainty, (rounding / slope) ** (1.0 / m))
+        for m, slope in enumerate(_scaled_derivatives(trimmed, roots), start=1):
+            uncertainty = np.minimum(uncertainty, (rounding / np.abs(slope)) ** (1.0 / m))
     return bool((np.abs(roots) + uncertainty < 1.0 - margin).all())
+
+
+def _scaled_derivatives(polynomial: FloatArray, points: FloatArray) -> FloatArray:
+    """Derivatives of order m = 1, ..., n, divided by m!, at points (k,): (n, k), by one Horner scheme for all."""
+    n = len(polynomial) - 1
+    # zeros in front of the lower degrees leave their sums as they are
+    coefficients = np.zeros((n, n))
+    derivative = polynomial
+    for m in range(1, n + 1):
+        derivative = derivative[:-1] * np.arange(n + 1 - m, 0, -1) / m
+        coefficients[m - 1, m - 1 :] = derivative
+    values = np.zeros((n, len(points)), dtype=points.dtype)
+    for column in coefficients.T:
+        values = values * points + column[:, None]
+    return values
 
 
 def distance_bound(row: list[float]) -> float:

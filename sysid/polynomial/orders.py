@@ -10,7 +10,7 @@ from typing import ParamSpec, TypeVar
 import numpy as np
 from numpy.polynomial.polyutils import trimseq
 
-from sysid.models.polynomials import Polynomials
+from sysid.models.polynomials import ONE, Polynomials
 from sysid.polynomial.regressors import first_row
 from sysid.records.arguments import shown, whole_number
 from sysid.records.arrays import FloatArray
@@ -105,7 +105,7 @@ class Orders:
             first_disturbance = max(first_disturbance, nb + nk - 1 - nf)
         return max(window, first_disturbance + self.nd - max(self.nc, self.nd), 0)
 
-    @property
+    @functools.cached_property
     def ranges(self) -> tuple[slice, list[slice], slice, slice, list[slice]]:
         """Positions of the coefficients of A, [B], C, D, [F] among the parameters."""
         sizes = (self.na, *self.nb, self.nc, self.nd, *self.nf)
@@ -228,7 +228,7 @@ def with_delays(coefficients: Iterable[FloatArray], nk: Sequence[int]) -> list[F
 
 
 def _monic(coefficients: FloatArray) -> FloatArray:
-    return np.concatenate(([1.0], coefficients))
+    return np.concatenate((ONE, coefficients))
 
 
 def _leading_zeros(row: FloatArray) -> int:

@@ -1,6 +1,7 @@
 """Stability as a constraint of the minimisation: roots of C, D and F at the unit circle, and steps along it."""
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 import scipy
@@ -98,16 +99,30 @@ def _outward_derivatives(polynomial: FloatArray, margin: float) -> Iterator[tupl
     roots = np.roots(polynomial)
     near = np.abs(roots) > 1.0 - AT_THE_LIMIT * margin
     pairs = [(1.0, -2.0 * root.real, abs(root) ** 2) for root in roots[roots.imag > 0.0]]
+    some_near = bool(near.any())
     for end in (1.0, -1.0):
-        # a real root crosses the limit where the value there changes its sign; end^n makes it positive inside
-        powers = (end * limit) ** np.arange(n + 1, dtype=float)[::-1] * end**n
+        powers = _powers_at_limit(n, end, limit)
         yield -powers[1:], float(powers @ polynomial)
+        # nearly always every root is far from the circle, and nothing below applies
+        if not some_near:
+            continue
         close = np.abs(roots - end) < DOUBLE
         if (close & near).any() and close.sum() > 1 and not (roots.imag[close & near] > 0.0).any():
             outermost = roots[close][np.argsort(-np.abs(roots[close]))[:2]]
             pairs.append(tuple(np.poly(outermost).real))
     for pair in pairs:
         yield _pair_product_slope(polynomial, pair), limit**2 - pair[2]
+
+
+@lru_cache(maxsize=256)
+def _powers_at_limit(n: int, end: float, limit: float) -> FloatArray:
+    """Weights of a polynomial's coefficients (n + 1,) in its value at the limit beside 1 or -1, signed.
+
+    A real root crosses the limit where that value changes its sign; end^n makes it positive inside.
+    """
+    powers: FloatArray = (end * limit) ** np.arange(n + 1, dtype=float)[::-1] * end**n
+    powers.setflags(write=False)
+    return powers
 
 
 def _pair_product_slope(polynomial: FloatArray, pair: tuple[float, float, float]) -> FloatArray:
