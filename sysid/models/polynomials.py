@@ -185,7 +185,7 @@ def is_stable(polynomial: FloatArray, margin: float = 0.0) -> bool:
     return bool((np.abs(roots) + uncertainty < 1.0 - margin).all())
 
 
-def _scaled_derivatives(polynomial: FloatArray, points: FloatArray) -> FloatArray:
+def _scaled_derivatives(polynomial: FloatArray, points: np.ndarray) -> np.ndarray:
     """Derivatives of order m = 1, ..., n, divided by m!, at points (k,): (n, k), by one Horner scheme for all."""
     n = len(polynomial) - 1
     # zeros in front of the lower degrees leave their sums as they are
