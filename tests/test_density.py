@@ -179,6 +179,7 @@ def exceeded(total: Density, limits: dict[str, float]) -> list[str]:
     return [f"{count}: {rate:.1f}, at most {limits[count]:g}" for count, rate in rates.items() if rate > limits[count]]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_packages_are_read_at_first_sight(package):
     total = density(package)

@@ -6,6 +6,8 @@ import sys
 import tomllib
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[1]
 OURS = {"hmtb_twin", "sysid", "scenarios"}
 
@@ -51,14 +53,17 @@ def imported(*packages: str) -> set[str]:
     return {DISTRIBUTIONS.get(module, module).lower().replace("_", "-") for module in foreign}
 
 
+@pytest.mark.slow
 def test_everything_that_is_imported_is_declared():
     assert not imported(*OURS) - declared("pyproject.toml", development=True)
 
 
+@pytest.mark.slow
 def test_everything_that_is_declared_is_imported():
     assert declared("pyproject.toml", development=False) - imported(*OURS) == NOT_IMPORTED
 
 
+@pytest.mark.slow
 def test_sysid_alone_declares_what_it_imports():
     assert imported("sysid") == declared("sysid/pyproject.toml", development=False)
 

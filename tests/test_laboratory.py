@@ -181,6 +181,7 @@ def test_noise_and_bias_are_what_the_seed_draws(pairs):
     np.testing.assert_allclose(volts["noise"], noise, atol=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("corner", [0.0, 2.0])
 def test_noise_of_the_record_reaches_the_analyst_and_not_the_arm(corner):
     """It comes from a stream of its own: nothing else in the log changes, whatever its size."""

@@ -255,9 +255,13 @@ def period(times: FloatArray, signal: str, name: str) -> float:
     spread, losses = float(np.ptp(steps[regular])), np.count_nonzero(~regular)
     # Jitter of the first and last stamp of every stretch without losses changes the mean by this much.
     uncertain = EXACT * mean + spread * (2 + losses) / len(steps)
-    rounded = (float(f"{mean:.3g}"), 1.0 / float(f"{1.0 / mean:.3g}"))
-    nearest = min(rounded, key=lambda value: abs(value - mean))
-    return nearest if abs(nearest - mean) <= uncertain else mean
+    # Few digits first: jitter decides whether 0.0333 s or 30 Hz is nearer, and whether 60 Hz looks like 59.9 Hz.
+    for digits in (1, 2, 3):
+        rounded = (float(f"{mean:.{digits}g}"), 1.0 / float(f"{1.0 / mean:.{digits}g}"))
+        nearest = min(rounded, key=lambda value: abs(value - mean))
+        if abs(nearest - mean) <= uncertain:
+            return nearest
+    return mean
 
 
 def _uniform(times: FloatArray, step: float, resolution: float, nominal: bool) -> bool:

@@ -137,6 +137,7 @@ def test_angles_of_a_deviating_arm_with_noise_at_its_limits(servo):
         assert error(angles, altered(arm, name).simulate(command, noise, rtol=1e-8), "elbow_pitch") > 3.0 * PRECISION
 
 
+@pytest.mark.slow
 def test_angles_with_worn_seals():
     """Friction a hundred times larger, the stiffness of its bristles at the bound for light joints."""
     arm = load_arm("nominal", "none", plant=Plant(servo="flow", friction_level=100.0))

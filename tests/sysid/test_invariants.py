@@ -134,6 +134,7 @@ def test_parts_that_overlap_by_their_windows_are_exactly_one_record(name, where)
     assert_same(response(identify([first, second])), response(identify(data)), tolerance)
 
 
+@pytest.mark.slow
 @each
 def test_two_inputs_in_either_sequence(name):
     identify, tolerance = EVERY[name]

@@ -157,6 +157,7 @@ def test_records_that_hold_too_little(message, call):
     refused(message, call)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize(
     "fit",
@@ -182,6 +183,7 @@ def test_long_delays_of_short_records(samples):
                 assert np.isfinite(fit(IOData(u, y, 1.0), nk).parameters).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "call",
     [

@@ -166,6 +166,7 @@ def test_lost_samples_are_declared_to_the_analyst(bus_record, tmp_path):
     np.testing.assert_array_equal(read.parts("wrist_yaw")[0].u[:, 0], read.commanded[1:30, 5])
 
 
+@pytest.mark.slow
 def test_every_cut_gives_every_whole_message(content, passed, tmp_path):
     rng, counts = np.random.default_rng(0), []
     setup = int.from_bytes(content[4:8], "little")

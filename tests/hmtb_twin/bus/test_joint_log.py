@@ -82,6 +82,7 @@ def test_a_log_that_cannot_be_written_leaves_nothing(log, tmp_path):
     refused("folder", log.save, tmp_path / "taken.nc")
 
 
+@pytest.mark.slow
 def test_a_damaged_header_is_one_error_and_no_noise(log, tmp_path, capfd):
     whole = bytearray(log.save(tmp_path / "whole.nc").read_bytes())
     rng = np.random.default_rng(4)

@@ -32,6 +32,7 @@ def test_load_beyond_the_supply_is_refused_in_words(form, needed):
         weak(form, needed - 0.01).rest(load_arm().pose(OPERATING_POSE))
 
 
+@pytest.mark.slow
 def test_the_limit_is_that_of_the_supply(needed):
     # Leakage takes the last few percent.
     with pytest.raises(OverloadError, match=r"shoulder pitch needs 296 N m and has 29\d$"):

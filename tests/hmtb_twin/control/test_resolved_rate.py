@@ -204,6 +204,7 @@ def test_without_velocity_limits_one_tick_suffices(arm):
     run.check_return(ticks=2)
 
 
+@pytest.mark.slow
 def test_random_poses_and_pushes_stay_within_every_limit(arm):
     rng = np.random.default_rng(5)
     kinds = set()

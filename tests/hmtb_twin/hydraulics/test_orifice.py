@@ -290,6 +290,7 @@ def test_shutdown_and_worksite_run_on_servo_valves(experiment):
     assert logs[1].unit_pose is not None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("friction", "joints"), [("viscous", ("elbow_pitch",)), ("lugre", JOINTS[1:])])
 def test_books_of_oil_and_energy_balance(friction, joints):
     arm = load_arm(plant=replace(ORIFICE, friction=friction))

@@ -53,6 +53,7 @@ def test_frictions_differ_in_what_they_leave():
     assert [drive.coulomb_torque for drive in drives] == pytest.approx([0.0, 0.0, dry, dry])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [Plant(friction="coulomb"), Plant(), Plant(servo="torque", friction_level=3.0)])
 def test_stuck_joints_do_not_creep(plant):
     arm = load_arm(plant=plant)

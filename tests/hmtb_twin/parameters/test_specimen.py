@@ -43,6 +43,7 @@ def deviating(seed):
     )
 
 
+@pytest.mark.slow
 @given(st.lists(st.floats(-FARTHEST, FARTHEST), min_size=9, max_size=9), st.floats(0.01, 100.0))
 @settings(max_examples=50)
 def test_the_log_cholesky_parameters_are_those_of_pinocchio(theta, factor):

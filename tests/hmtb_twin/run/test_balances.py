@@ -12,6 +12,7 @@ from tests.hmtb_twin.balances import binary, linear_balances
 OIL, ENERGY = 1e-7, 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", ["none", "viscous", "coulomb", "lugre"])
 def test_books_of_a_binary_test_balance(friction):
     arm = load_arm(plant=Plant(friction=friction))
@@ -35,6 +36,7 @@ def test_books_balance_with_all_joints_moving_and_in_the_middle_of_a_motion():
     assert energy.closure < 1e-5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", ["viscous", "lugre"])
 def test_both_close_with_the_fourth_power_of_the_step(friction):
     arm = load_arm(plant=Plant(friction=friction))

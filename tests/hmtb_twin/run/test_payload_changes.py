@@ -25,6 +25,7 @@ def test_up_to_the_first_change_a_run_has_the_bits_of_one_without_changes(changi
         assert (getattr(log, name)[31] != getattr(plain, name)[31]).any(), name
 
 
+@pytest.mark.slow
 def test_bits_depend_neither_on_the_batch_nor_on_a_live_run(changing):
     mixed = [
         changing,

@@ -95,6 +95,7 @@ def assert_same_alone(mixed, batches, rows):
     return together
 
 
+@pytest.mark.slow
 def test_different_arms_side_by_side_log_what_each_logs_alone_and_another_seed_logs_otherwise(experiment, batches):
     arms = product(("nominal", "published"), (True, False), ("rpcm", "none", "mdm"))
     mixed = [
@@ -130,6 +131,7 @@ def test_other_steps_and_other_valves_stand_in_batches_of_their_own(experiment, 
     assert together.steps == 25 * 20 + (25 + 20) * 20 + 25 * 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("worksite", [False, True])
 def test_each_arm_loses_its_own_power_and_is_given_it_back(experiment, worksite, batches):
     kind = experiment(duration=1.5, amplitude=3.0, worksite=worksite)
@@ -156,6 +158,7 @@ def test_units_are_taken_and_let_go_by_arms_of_their_own(experiment, batches):
     assert [np.flatnonzero((log.status & Status.UNIT_HELD) == 0).tolist() for log in together] == [[10], [20], [30]]
 
 
+@pytest.mark.slow
 def test_each_arm_is_loaded_once_and_gone_after(experiment, monkeypatch):
     loaded = []
 

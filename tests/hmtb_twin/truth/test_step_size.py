@@ -56,6 +56,7 @@ def test_steps_of_a_tick_follow_servo_law_and_lightest_joint(variant, plant, pay
     assert option.integrator == mujoco.mjtIntegrator.mjINT_RK4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("factor", "worksite"), [(4.0, False), (4.0, True), (100.0, True)])
 def test_stiff_oil_gets_more_steps_with_power_and_without(factor, worksite):
     arm = load_arm(specimen=Specimen(bulk_modulus=factor), worksite=worksite)

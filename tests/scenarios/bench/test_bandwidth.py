@@ -76,6 +76,7 @@ def test_without_any_model_it_says_so(outcomes):
     assert nothing.passed is None and np.isnan(nothing.value) and "no record has a model" in nothing.why
 
 
+@pytest.mark.slow
 def test_truth_is_that_of_the_arm():
     lowest, truth = true_bandwidths(sequence_class("elbow_pitch"))
     assert truth["small_signal"] == pytest.approx(1.035, abs=1e-3)

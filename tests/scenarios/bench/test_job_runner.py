@@ -110,6 +110,7 @@ def test_without_noise_it_is_the_truth():
     assert perfect(quiet, quiet.task("armax"), 0).answer.model is quiet.truth
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("structure", ["armax", "bj", "oe", "arx", "ss", None])
 def test_orders_too_low_and_of_its_own_choice(structure):
     one = problem("p3")

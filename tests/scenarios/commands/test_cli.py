@@ -51,6 +51,7 @@ def test_help_of_every_command_shows_neither_empty_defaults_nor_wrapped_examples
     assert not any(line.startswith("hmtb ") for line in out.splitlines())
 
 
+@pytest.mark.slow
 def test_narrow_terminals_stale_variables_and_readers_that_leave(printed, monkeypatch, tmp_path):
     monkeypatch.setenv("COLUMNS", "1")
     assert printed("truth", "--help")
@@ -257,6 +258,7 @@ def test_too_little_memory_is_one_line(complaint, monkeypatch):
     assert "ulimit -v allows 650000 kB, a command needs 1048576" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no /dev/full")
 @pytest.mark.parametrize("unbuffered", ["", "1"])
 def test_a_full_disk_is_one_line(unbuffered, monkeypatch):
@@ -296,6 +298,7 @@ def test_interrupt_is_130_and_leaves_nothing(run, monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("delay", [0.0, 0.1, 0.4, 0.8])
 def test_an_interrupt_during_start_up_is_one_line(run, delay, number):
@@ -313,6 +316,7 @@ def test_an_interrupt_during_start_up_is_one_line(run, delay, number):
     assert "KeyboardInterrupt" not in err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [["--help"], ["scenarios", "list"]])
 def test_start_up_is_fast(words):
     """Help and lists import no package for simulation or identification, and cost at most four times tyro and rich."""
@@ -376,6 +380,7 @@ def test_a_fault_of_ours_keeps_its_traceback(monkeypatch):
         main(["truth"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "code"), [(["truth", "--pose", "home"], 0), (["--version"], 0), (["nonsense"], 2)])
 def test_closed_streams_get_nothing(monkeypatch, words, code):
     """`hmtb ... >&- 2>&-`: Python has no stream then."""

@@ -45,6 +45,7 @@ def test_without_words_the_truth_and_all_prints_of_the_joint(result, logs):
     assert output["warnings"] == []
 
 
+@pytest.mark.slow
 def test_estimates_come_from_the_other_record_or_say_that_they_do_not(result, logs):
     chirp, prbs = logs["siso-8-elbow_pitch"], logs["siso-5-elbow_pitch"]
     words = (chirp, "--models", "oe:2/2/2", "truth", "--skip", 4)
@@ -124,6 +125,7 @@ def test_each_model_is_judged_about_its_own_operating_point(result, tmp_path):
     assert result("compare", *words, "--keep-mean")["models"][0]["fit"]["simulation"][0] < 0.0
 
 
+@pytest.mark.slow
 def test_the_table_and_the_figure(printed, logs, tmp_path):
     out = tmp_path / "outputs.svg"
     words = (logs["siso-5-elbow_pitch"], "--models", "truth", "published", "arx:2/2/2", "armax:2/2/2/2", "--out", out)

@@ -94,6 +94,7 @@ def test_orders_of_exact_and_of_short_records_are_chosen(samples):
     assert ("chance decides" in choice.reason) == (samples == 20)
 
 
+@pytest.mark.slow
 def test_every_record_of_several_outputs_takes_part_in_the_choice():
     rng = np.random.default_rng(0)
     parts = []
@@ -183,6 +184,7 @@ def test_several_inputs(result, two):
     np.testing.assert_allclose(output["dc_gain"], [[1.0, 0.75]], rtol=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "orders"), [("okid", "2 6"), ("n4sid", "2"), ("pem_ss", "2")])
 def test_several_outputs(result, printed, two, method, orders):
     channels = ("--input", "left", "right", "--output", "elbow", "wrist")
@@ -362,6 +364,7 @@ def test_a_saved_model_is_compared_and_holds_its_operating_point(result, csv, tm
     np.testing.assert_allclose(saved["fit"]["simulation"], fitted["fit"]["simulation"], atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["lag.m", "lag.c", "lag.fmu"])
 def test_other_formats_go_by_the_ending(result, csv, tmp_path, name):
     result("identify", csv, "--method", "arx", "--orders", 1, 1, "--save", tmp_path / name)

@@ -16,6 +16,7 @@ def files(exchange_log, tmp_path_factory):
     return write_log(exchange_log, folder / "track.nc"), table(folder / "arm.csv", columns)
 
 
+@pytest.mark.slow
 def test_a_log_stands_beside_its_truth_and_a_table_gives_the_same_estimates(run, files, tmp_path):
     log, arm = files
     code, out, _ = run("track", log, "--calibration", 15, "--no-bla", "--out", tmp_path)
@@ -33,6 +34,7 @@ def test_a_log_stands_beside_its_truth_and_a_table_gives_the_same_estimates(run,
     assert "truth" not in out
 
 
+@pytest.mark.slow
 def test_json_has_the_estimates_once_a_second(result, files):
     output = result("track", files[0], "--calibration", 15, "--no-bla")
     assert [one["payload"] for one in output["stretches"]] == ["none", "mdm"]

@@ -40,6 +40,7 @@ def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path)
     assert "update rate / Hz" in out
 
 
+@pytest.mark.slow
 def test_a_written_file_reads_back_to_the_last_bit(result, tmp_path):
     output = result("waveform", "chirp", "--f-start", "5", "--f-end", "10", "--out", tmp_path)
     again = result("waveform", "file", "--path", output["points"], "--out", tmp_path / "again")
@@ -111,6 +112,7 @@ def test_what_is_no_number_is_named_with_its_line(complaint, tmp_path, word):
     assert f"line 42: expected a finite number in V, given '{word}'" in message
 
 
+@pytest.mark.slow
 def test_points_beyond_the_converter_are_told(result, tmp_path):
     path = tmp_path / "high.txt"
     path.write_text("12\n-9\n" + "0.5\n" * 97 + "-11\n", encoding="utf-8")

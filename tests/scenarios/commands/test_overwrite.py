@@ -44,6 +44,7 @@ def on_terminal(answer, *words):
     return process.returncode, out, shown.decode()
 
 
+@pytest.mark.slow
 def test_without_a_terminal_nothing_is_replaced(complaint, printed, tmp_path):
     printed(*WAVEFORM, tmp_path)
     before = (tmp_path / "prbs.txt").read_bytes()

@@ -107,6 +107,7 @@ def test_usage_errors_are_one_line_on_the_narrowest_terminal(complaint, monkeypa
     assert says in complaint(*words.split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "says"), VALUES)
 def test_bad_values_are_one_line(complaint, tmp_path, monkeypatch, words, says):
     monkeypatch.chdir(tmp_path)
@@ -174,6 +175,7 @@ def test_the_end_of_a_long_message_says_what_was_expected(kind):
     assert str(kind("short")) == "short"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", ["identify {} --method arx --orders 1 1 1", "compare {} --models oe:1/1", "convert {} b.csv"]
 )

@@ -65,6 +65,7 @@ def test_scores_of_a_run(runs):
     assert np.isnan([plain.force, plain.force_99, score(without, model()).total_arm]).all()
 
 
+@pytest.mark.slow
 def test_the_seen_response_is_that_of_the_reference_where_requests_have_power():
     (run,) = run_scenarios([frequency_test()], {}, reference=None)
     seen = score(run.logs["without"], model()).reference_response

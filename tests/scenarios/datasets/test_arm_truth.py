@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from hmtb_twin import Specimen, linearize, load_arm
 from hmtb_twin.run.experiment_row import experiment_arm
@@ -30,6 +31,7 @@ def test_the_file_of_a_build_gives_the_truth_back(tiny, tiny_spec):
             np.testing.assert_array_equal(getattr(one, key), getattr(expected, key))
 
 
+@pytest.mark.slow
 def test_a_specimen_with_noise_in_its_drives_and_trials_comes_back_whole(tmp_path):
     """Everything that a truth can hold: gain K, drooping rest, trial amplitudes, a specimen."""
     spec = replace(load_spec("hmtb-siso-v1"), truth=TruthSpec(amplitudes=(1e-3,)))

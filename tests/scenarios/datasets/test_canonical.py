@@ -45,6 +45,7 @@ def test_a_name_opens_the_copy_in_the_cache(tiny, tmp_path, monkeypatch):
     refused("no experiments.json in it", open_data_set, "tiny-v1")  # a folder here comes first
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_may_load_a_copy(tiny, tmp_path):
     """Processes that read files do not run it again."""
     script = tmp_path / "script.py"
@@ -56,6 +57,7 @@ def test_a_script_without_a_guard_may_load_a_copy(tiny, tmp_path):
     assert (done.stdout, done.returncode) == ("() once\n", 0), done.stderr
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_is_told(cached):
     path = next((cached / "data").rglob("*.nc"))
     content = bytearray(path.read_bytes())

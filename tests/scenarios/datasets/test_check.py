@@ -46,12 +46,14 @@ def check(folder, *, regenerate=0):
     return examine(folder, regenerate=regenerate, workers=1).problems
 
 
+@pytest.mark.slow
 def test_what_has_been_built_passes_and_is_simulated_again_to_the_bit(tiny):
     result = examine(tiny, regenerate=2, seed=3, workers=1)
     notes = ("3 of 3 experiments have a record", "2 experiments simulated again with the same software: the same bits")
     assert (result.problems, result.notes) == ((), notes)
 
 
+@pytest.mark.slow
 def test_a_flipped_byte_is_found_in_every_file(copy):
     generator = random.Random(1)
     places = [p.relative_to(copy).as_posix() for p in copy.rglob("*") if p.is_file() and p.name != "SHA256SUMS"]
@@ -83,6 +85,7 @@ def test_every_flipped_byte_of_the_checksums_and_every_cut_is_found(copy):
         assert list_files(copy).problems
 
 
+@pytest.mark.slow
 def test_a_record_packed_anew_by_another_tool_has_its_arrays_still(copy):
     with xr.open_dataset(copy / RECORD, engine="h5netcdf") as record:
         loaded = record.load()
@@ -150,6 +153,7 @@ def test_the_truth_is_compared_without_the_coordinates_of_its_state(tiny):
     assert check_module._compare("B", "response to B", before["response to B"], other["response to B"], same=False)
 
 
+@pytest.mark.slow
 def test_an_index_that_does_not_give_its_own_hash_or_the_spec_is_found(copy):
     index = read_index(copy)
     write_index(copy, {**index, "hash": "0" * 64})
@@ -212,6 +216,7 @@ def test_no_path_leads_out_of_the_folder(copy):
     assert {"'inside' is no ordinary file; expected files alone", "folder/outside is missing"} <= set(problems)
 
 
+@pytest.mark.slow
 def test_a_record_that_links_to_another_file_or_claims_to_fill_the_memory_is_refused(copy):
     def link(file):
         del file["status"]
@@ -270,6 +275,7 @@ def test_a_data_set_without_any_record_does_not_pass(copy):
     assert "0 of 3 experiments have a record" in result.notes
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_problems(copy, printed, result, complaint):
     assert printed("dataset", "check", copy, "--regenerate", "0").splitlines()[-1] == f"{copy}: passed"
     (copy / "README.md").unlink()

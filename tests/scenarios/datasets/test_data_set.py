@@ -119,6 +119,7 @@ def test_a_damaged_index_is_refused(tiny, tmp_path, damage):
     refused(r"experiments\.json is damaged", open_data_set, tmp_path)
 
 
+@pytest.mark.slow
 def test_a_swapped_or_damaged_file_and_a_pipe_are_refused(copy, monkeypatch):
     first, second = (copy / f"data/train/binary-{joint}.nc" for joint in ("shoulder_yaw", "elbow_pitch"))
     shutil.copy(second, first)

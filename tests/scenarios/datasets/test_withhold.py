@@ -274,6 +274,7 @@ def test_broken_submissions_are_refused_one_by_one(school, tmp_path):
     refused("no folder", grade_all, school.withheld, tmp_path / "absent")
 
 
+@pytest.mark.slow
 def test_a_damaged_submission_ends_no_grading_and_leaves_nothing_behind(school, tmp_path, monkeypatch):
     submissions, scratch = tmp_path / "submissions", tmp_path / "scratch"
     scratch.mkdir()

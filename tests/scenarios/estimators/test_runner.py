@@ -82,6 +82,7 @@ def test_functions(data, task):
     assert 0.0 < outcome.seconds < 10.0 and outcome.peak_bytes > 2**20
 
 
+@pytest.mark.slow
 def test_the_process_of_a_function_loads_no_physics():
     """It would take half a second at each start, and count as memory that the function has."""
     code = "import sys, scenarios.estimators.python_child; sys.exit('mujoco' in sys.modules)"

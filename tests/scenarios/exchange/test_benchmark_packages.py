@@ -34,6 +34,7 @@ def test_parts_are_theirs(cache, data_set):
             assert len(one[10:20]) == 10 and RMSE(one.y, one.y) == 0.0
 
 
+@pytest.mark.slow
 def test_shapes_and_tuples_as_they_name_them(cache, data_set):
     train, test = nonlinear_benchmark(NAME, block="noise", cache=cache, train_test_split=False, atleast_2d=True), None
     assert [one.y.shape for one in train] == [(200, 1)] and test is None

@@ -126,6 +126,7 @@ def test_channels_that_a_record_lacks_and_withheld_outputs_are_null(data_set, co
     assert stored["t"].to_pylist()[400:403] == [0.0, 0.02, 0.04] and stored["sample"].null_count == 0
 
 
+@pytest.mark.slow
 def test_the_public_name_is_the_function():
     code = (
         "from scenarios.exchange import export; import scenarios.exchange; assert callable(scenarios.exchange.export)"
@@ -147,6 +148,7 @@ def test_the_card_says_where_the_parts_are(exported, tiny_spec):
     assert names["u"].shape == names["y"].shape == (200, 1)
 
 
+@pytest.mark.slow
 def test_croissant_reads_the_tables(exported, data_set):
     entry = mlcroissant.Dataset(exported["parquet"] / "croissant.json")
     assert not entry.metadata.ctx.issues.errors

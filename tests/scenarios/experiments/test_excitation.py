@@ -44,6 +44,7 @@ def tones(waveform):
     return {float(f): float(2 * a) for f, a in zip(frequency, np.abs(lines), strict=True) if a > 1e-9}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("waveform", EXAMPLES, ids=lambda w: w.kind)
 def test_parameters_make_the_same_file_again_and_it_repeats(waveform):
     again = KINDS[waveform.kind](**waveform.parameters)

@@ -79,6 +79,7 @@ def test_a_gif_and_a_speed(log, tmp_path, printed):
         assert animation.n_frames == 3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_edges_of_films_are_smooth():
     arm = load_arm()
@@ -90,6 +91,7 @@ def test_edges_of_films_are_smooth():
     assert (np.abs(shown - fine).max(axis=2) > 40).sum() < 40
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("opengl")
 def test_views_of_one_film_are_named(log):
     record, times = JointLog.load(log), frame_times((0.0, 0.1), rate=10)
@@ -182,6 +184,7 @@ def test_a_log_plays_back_tick_by_tick(log):
         np.testing.assert_array_equal(angles, record.true_angles[round(time / record.dt)])
 
 
+@pytest.mark.slow
 def test_an_opengl_back_end_that_does_not_load_is_one_line():
     words = [sys.executable, "-m", "scenarios", "truth"]
     run = subprocess.run(words, env={**os.environ, "MUJOCO_GL": "bogus"}, capture_output=True, text=True, check=False)

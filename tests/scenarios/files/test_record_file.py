@@ -160,6 +160,7 @@ def test_damaged_text_is_refused(gappy, tmp_path, ending):
         refused(message, read_records, path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [".mat", ".nc"])
 def test_damaged_binary_is_refused(gappy, tmp_path, ending):
     path = write_record(gappy, tmp_path / f"a{ending}")
@@ -180,6 +181,7 @@ def test_foreign_files_and_unwritable_places_are_refused(gappy, tmp_path):
     refused("unknown format '.doc'", write_log, None, tmp_path / "a.doc")
 
 
+@pytest.mark.slow
 def test_what_would_be_lost_is_named(log, gappy, tmp_path):
     kept = read_records(write_record(gappy, tmp_path / "a.asc"))
     assert losses([kept], "mat") == []

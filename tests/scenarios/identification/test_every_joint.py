@@ -51,6 +51,7 @@ def test_campaign_moves_all_joints_at_once_with_phases_of_its_own_seed():
     assert campaign(FEWER)[0] == campaign(FEWER)[0]
 
 
+@pytest.mark.slow
 def test_model_of_a_linear_arm_is_its_truth(truth, monkeypatch):
     monkeypatch.setattr("scenarios.identification.every_joint.ORDERS", ((3, 4), (5, 5)))
     experiments = campaign(FEWER, seed=3)

@@ -30,6 +30,7 @@ def recovered(method, *, pole=0.88, periodic=True, seed=1, noise=0.01):
     return recover(Recording(JOINT, "5", seed, record, SETTING), method, true)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", [name for name in METHODS if name not in NONPARAMETRIC])
 def test_every_method_recovers_a_known_bandwidth(method):
     estimate = recovered(method, noise=0.001)  # with more of it, ARX is biased, as it must be
@@ -41,6 +42,7 @@ def test_every_method_recovers_a_known_bandwidth(method):
     assert any("extrapolated" in text for text in estimate.reasons)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     held = sum(recovered("oe", seed=seed).covers for seed in range(20))
     assert held >= 16  # of 20 at 95 %: fewer in one of 400 such tests

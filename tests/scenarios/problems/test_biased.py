@@ -21,6 +21,7 @@ def bias(name, structure):
     return np.max(mean / (errors.std(axis=0, ddof=1) / np.sqrt(RECORDS)))
 
 
+@pytest.mark.slow
 def test_feedback():
     """Output error is off by more than five standard errors of 40 records, already of ten; ARMAX is not."""
     assert bias("feedback", "oe") > 10.0

@@ -88,6 +88,7 @@ def test_the_response_without_a_model_is_that_of_a_linear_system():
     np.testing.assert_allclose(asked.nonparametric(record), expected, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_an_estimate_as_good_as_any_scatters_about_the_best_linear_truth():
     asked = problem(LARGE)
     best = asked.best_linear

@@ -64,6 +64,7 @@ def spoken(command, capsys):
     return json.loads(capsys.readouterr().out)
 
 
+@pytest.mark.slow
 def test_numbers_are_those_of_the_command_line(tab, page, log, capsys, tmp_path):
     station, client = page
     choose(tab, "armax", 2, 2, 1, 2)
@@ -141,6 +142,7 @@ def test_orders_follow_the_estimator(tab):
     assert tab.request().options["orders"] == (2, 5)
 
 
+@pytest.mark.slow
 def test_models_stand_side_by_side_until_they_are_removed(tab, page):
     station, client = page
     for method, orders in (("arx", (2, 2, 1)), ("oe", (2, 2, 1)), ("oe", (1, 2, 1))):

@@ -277,6 +277,7 @@ def test_files_of_the_folder_are_listed(tab, page, made):
     (folder / "copied.nc").unlink()
 
 
+@pytest.mark.slow
 def test_what_cannot_be_opened_is_said_beneath_the_field(tab, made, log, tmp_path):
     whole = (made / "short.nc").read_bytes()
     foreign = {

@@ -63,6 +63,7 @@ def test_fits_are_those_of_the_toolbox_for_estimate_and_model_alike(monkeypatch)
     assert fits(model.model, data) is followed
 
 
+@pytest.mark.slow
 def test_results_end_with_their_record():
     data = record()
     model = weakref.ref(estimate(data, "arx", (1, 1, 1)))

@@ -26,6 +26,7 @@ def record(seed, *, coloured, samples=3000):
     return IOData(u, lfilter(b, a, u) + noise, 0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("method", "coloured"), [("armax", True), ("oe", False)])
 def test_the_true_orders_are_found_from_below(method, coloured):
     others = [record(seed, coloured=coloured, samples=1500) for seed in (5, 6, 7)]
@@ -39,6 +40,7 @@ def test_the_true_orders_are_found_from_below(method, coloured):
     assert chosen.own is None
 
 
+@pytest.mark.slow
 def test_coloured_residuals_are_accepted_of_output_error_alone():
     others = [record(seed, coloured=True, samples=1500) for seed in (5, 6)]
     chosen = search("oe", record(1, coloured=True), others, (2, 2, 2))

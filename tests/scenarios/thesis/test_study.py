@@ -237,6 +237,7 @@ def test_an_order_that_is_refused_is_left_out(synthetic_logs, monkeypatch):
     refused(f"{name} gives no output-error model of any order: 3, 3, 1: no minimum", order_effects, data, 1)
 
 
+@pytest.mark.slow
 def test_a_method_that_refuses_a_record_of_several_joints_is_left_out(synthetic_logs, monkeypatch):
     def refuses(_):
         raise SysidError("no states")

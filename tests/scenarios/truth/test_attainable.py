@@ -158,6 +158,7 @@ def test_where_process_noise_shakes_friction_the_floor_is_that_of_the_mean_respo
     assert 0.0 < floors.mean_error < 0.6 * floors.simulation.any_model.rmse
 
 
+@pytest.mark.slow
 def test_several_axes_need_a_name_and_count_every_command():
     both = Scenario("both", ("shoulder_pitch", "elbow_pitch"), load("siso-5-elbow_pitch").excitation, 20.0, chain=QUIET)
     log = simulate([both])[0]
@@ -166,6 +167,7 @@ def test_several_axes_need_a_name_and_count_every_command():
     assert one.parameters[0] == 2 * (one.memory + 1) + 1
 
 
+@pytest.mark.slow
 def test_the_window_is_not_scored(sliding):
     floors = attainable(sliding, window=1000, steps=10)
     error = sliding.measured[1000:, 1] - sliding.true_angles[999:-1, 1]

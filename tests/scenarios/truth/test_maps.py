@@ -174,6 +174,7 @@ def test_servo_valves_have_the_same_gap_at_low_pressure_and_electric_drives_no_o
     assert np.isfinite(pressures.bandwidth[1]).all()
 
 
+@pytest.mark.slow
 def test_a_specimen_stays_itself_under_all_conditions():
     arm = load_arm(specimen=Specimen(mass=(1.1,) * 8, payload_mass=1.3))
     table = stacked(linear_row(*point) for point in conditions(arm, HERE, 3))

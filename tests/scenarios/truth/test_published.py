@@ -87,6 +87,7 @@ def test_doubts_are_backed_by_numbers():
         assert np.abs(np.roots(entry.noise_polynomial)).max() < 0.25 < 0.4 < np.abs(entry.model.poles()).min()
 
 
+@pytest.mark.slow
 def test_ranges_hold_the_print_and_show_what_is_hardly_fixed():
     for entry in map(EQUATIONS.__getitem__, ("4.7", "4.7+4.9", "5.8", "5.9")):
         interval = entry.digit_range

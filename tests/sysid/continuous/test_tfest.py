@@ -107,6 +107,7 @@ def test_refusals():
     refused("held .zoh. or linear", tfest, replace(data, intersample="bl"), 1, 0)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 def test_texts_show_matrices_the_interval_and_which_delay_is_zero():
     data = record([2.0], [1.0, 0.5], 0.0, 0.1, 4, samples=150, noise=0.05)

@@ -49,6 +49,7 @@ def test_exact_recovery_of_the_ideal_controller():
     np.testing.assert_allclose(-loop[:, 2:, 2:], complementary[:, None, None] * np.eye(2), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_instruments_make_the_estimate_consistent():
     """Errors shrink as the root of the number of samples; those of least squares do not."""
 

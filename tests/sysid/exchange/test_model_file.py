@@ -76,6 +76,7 @@ def assert_equal(one, other):
         assert one == other or (one != one and other != other)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize("method", METHODS)
 def test_estimates_come_back(method, tmp_path):

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 from scipy.stats import kstest
 
@@ -39,6 +40,7 @@ def test_gain_of_a_linear_system_without_noise_is_exact():
     assert (found.p < 1e-100).all()
 
 
+@pytest.mark.slow
 def test_test_keeps_its_level_and_intervals_cover_although_the_other_input_distorts():
     gains = [band_gain(bla(records(seed, 0.0), PERIOD)) for seed in range(100)]
     p = np.array([one.p[0, 1] for one in gains])

@@ -228,6 +228,7 @@ def test_a_window_that_makes_the_disturbance_negative_still_gives_intervals_that
     assert np.mean(shares) == pytest.approx(0.95, abs=0.03)
 
 
+@pytest.mark.slow
 def test_a_response_lost_in_noise_is_not_claimed_to_be_above_zero():
     shares = []
     for seed in range(30):

@@ -43,6 +43,7 @@ def assert_same_response(model, expected, tolerance=1e-8):
     np.testing.assert_allclose(model.frequency_response(GRID), g, atol=tolerance * np.abs(g).max())
 
 
+@pytest.mark.slow
 @given(models())
 def test_held_inputs_there_and_back(model):
     continuous = d2c(model)
@@ -65,6 +66,7 @@ def test_first_order_lag_in_continuous_time_by_hand():
     np.testing.assert_allclose(back.poles(), [-1 / tau], rtol=1e-10)
 
 
+@pytest.mark.slow
 @given(models(channels=1))
 def test_linear_inputs_there_and_back(model):
     continuous = d2c(model, intersample="foh")
@@ -78,6 +80,7 @@ def test_linear_inputs_there_and_back(model):
     np.testing.assert_allclose(simulate(model, u - u[0])[:, 0], y, atol=1e-8 * max(np.abs(y).max(), 1.0))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("intersample", ["zoh", "foh"])
 @pytest.mark.parametrize(
     "estimator, orders", [(sysid.armax, (2, 2, 2, 3)), (sysid.bj, (2, 1, 1, 2, 1)), (sysid.oe, (2, 2, 2))]
@@ -219,6 +222,7 @@ def test_reduction_to_the_whole_order_changes_nothing(model, match_dc):
     np.testing.assert_allclose(whole.noise_response(GRID), h, atol=1e-7 * np.abs(h).max())
 
 
+@pytest.mark.slow
 @given(models(gain=True))
 def test_reduction_keeps_its_bound(model):
     values = hankel_singular_values(model)

@@ -16,6 +16,7 @@ NAMES = ("elbow_pitch measured", "shoulder_yaw measured")
 LONG = replace(DATA, y=np.hstack((DATA.y, DATA.u)), output_names=NAMES, output_units=("rad", "rad"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("draw", "thing"),
     [

@@ -88,6 +88,7 @@ def test_beats_least_squares_on_short_records():
     assert len(sysid.impulseest(data, 100).parameters) > len(data) - 99  # fewer equations than unknowns
 
 
+@pytest.mark.slow
 def test_several_inputs_have_their_own_decay():
     rng = np.random.default_rng(0)
     u = rng.standard_normal((500, 2))

@@ -121,6 +121,7 @@ def test_bad_input_is_named(u, y, dt, message):
     refused(message, lambda: IOData(u, y, dt))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options", [{"window": 3}, {"window": -1}, {"window": 1.5}, {"input_names": ("a", "b")}, {"intersample": "spline"}]
 )

@@ -144,6 +144,7 @@ def test_wrong_text(tmp_path, content, options, message):
 FOREIGN = [bytes(range(128, 256)) * 9, b"", bytes(600), b"MATLAB 5.0" + bytes(10)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("read", "ending", "contents"),
     [(read_csv, "csv", FOREIGN[:1]), (read_mat, "mat", FOREIGN), (read_netcdf, "nc", FOREIGN)],

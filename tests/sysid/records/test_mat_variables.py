@@ -68,6 +68,7 @@ def test_files_of_version_4_and_of_the_other_byte_order_are_read(tmp_path):
     np.testing.assert_array_equal(read_variables(path)["y"], [[1.5, -2.0]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", [bytes, packed], ids=["v6", "v7"])
 @pytest.mark.parametrize("damage", DAMAGED)
 def test_a_damaged_variable_is_refused_also_where_scipy_crashes(damage, store, tmp_path):

@@ -133,6 +133,7 @@ def test_headers_hold_the_stamps_of_the_sensor(tmp_path):
     refused("time_unit='s', but stamps of messages are in ns", read_experiments, path, **FIELDS, time_unit="s")
 
 
+@pytest.mark.slow
 def test_damaged_and_foreign_logs_are_refused(tmp_path):
     path = mcap_json(tmp_path / "robot.mcap")
     content = path.read_bytes()

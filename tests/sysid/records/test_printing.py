@@ -54,6 +54,7 @@ def test_models_print_their_equations_and_matrices():
     assert "(10 of 30 columns)" in str(StateSpace(np.eye(30), np.eye(30), np.eye(30), np.eye(30), None, 0.1))
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_tables_and_a_figure():
     rng = np.random.default_rng(0)
     data = IOData(rng.standard_normal(200), rng.standard_normal((200, 2)), 0.1, input_names=("<b> & 阀",))

@@ -103,6 +103,7 @@ def test_a_packed_chunk_that_takes_all_memory_is_refused(tmp_path):
     refused("packed.nc: .*it takes more than 3 GiB of memory", read_netcdf, tmp_path / "packed.nc")
 
 
+@pytest.mark.slow
 def test_a_process_reads_many_files_and_every_thread_and_fork_has_its_own(file):
     first = read_apart(id_of, file)
     assert read_apart(id_of, file) == first != os.getpid()
@@ -156,6 +157,7 @@ def test_hdf5_is_known_by_its_signature(before, expected, tmp_path):
     assert is_hdf5(tmp_path / "a") is expected
 
 
+@pytest.mark.slow
 def test_sysid_reads_without_the_packages_of_other_formats(tmp_path, monkeypatch):
     """MATLAB files of version 5 need SciPy alone."""
     script = (

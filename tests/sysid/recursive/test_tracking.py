@@ -110,6 +110,7 @@ def test_quantities_and_their_gradients(gain):
     assert np.isnan(quantities(np.array([1.0]), np.array([1.0, 0.0]))[0]).all()
 
 
+@pytest.mark.slow
 def test_false_alarms_and_detection():
     rng = np.random.default_rng(3)
     alarms = 0
@@ -146,6 +147,7 @@ def test_a_change_is_noticed_and_followed():
     assert table.bandwidth.attrs["units"] == "Hz" and "detected at" in str(found)
 
 
+@pytest.mark.slow
 def test_live_is_the_same_and_a_constant_plant_raises_no_alarm():
     data, _ = switched(7, change=10**6, samples=3000)
     whole = track(data, 4, DELAY, gain=1.0)
@@ -162,6 +164,7 @@ def test_the_quantile_is_that_of_the_blocks():
     assert scipy.stats.t.ppf(0.975, BLOCKS - 1) == pytest.approx(STUDENT_95, rel=1e-10)
 
 
+@pytest.mark.slow
 def test_bandwidths_below_those_that_a_model_can_show_are_not_claimed():
     """Without excitation after a change the model is noise: the interval reaches from nothing to all, never [0, 0]."""
     found = track(switched(9, samples=9000, rest=3010)[0])

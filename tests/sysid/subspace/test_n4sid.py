@@ -34,6 +34,7 @@ def test_the_gain_is_the_innovation_gain():
     assert np.mean(fresh**2) == pytest.approx(1.0, rel=0.06)
 
 
+@pytest.mark.slow
 def test_error_falls_with_the_root_of_samples():
     truth = multivariable()
     expected = truth.markov(50)

@@ -145,6 +145,7 @@ def test_memory_grows_with_p_and_not_with_its_square():
     assert large < 50e6
 
 
+@pytest.mark.slow
 def test_memory_per_sample_does_not_depend_on_p():
     data = flexible(80_000, outputs=4)[1]
     for p in (5, 20):

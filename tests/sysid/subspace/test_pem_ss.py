@@ -103,6 +103,7 @@ def test_noise_zeros_on_the_unit_circle_leave_the_intervals_of_armax(seed):
     np.testing.assert_allclose(ours.magnitude_deviation(), theirs.magnitude_deviation(), rtol=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [11, 16, 24])
 def test_starts_of_clean_data_meet_with_two_outputs(seed):
     data = clean(seed, 2)

@@ -86,6 +86,7 @@ def test_the_limit_follows_the_noise_and_no_verdict_depends_on_its_level():
     assert (ten.limit, ten.size) == pytest.approx((10.0 * one.limit, 10.0 * one.size))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("directions", [1, 3, LINES])
 def test_false_alarms_are_no_more_than_stated(directions):
     rng = np.random.default_rng(4)

@@ -19,6 +19,7 @@ def loop(seed, gain, samples=600):
     return IOData(u, y, 0.1)
 
 
+@pytest.mark.slow
 def test_an_open_loop_is_rejected_at_the_nominal_rate():
     p = [feedback(loop(seed, 0.0), lags=8).p_values[0, 0] for seed in range(300)]
     assert np.mean(np.array(p) < 0.05) == pytest.approx(0.05, abs=0.035)
@@ -56,6 +57,7 @@ def test_what_cannot_be_told_is_not_claimed():
     refused("too little data", lambda: feedback(loop(0, 0.0)[:60]))
 
 
+@pytest.mark.slow
 def test_residuals_with_gaps_keep_the_size_of_the_tests():
     white, independent = [], []
     for seed in range(120):

@@ -17,6 +17,7 @@ def test_the_right_orders_leave_nothing_to_say(p3):
     assert len(result.relative_deviation) == 6
 
 
+@pytest.mark.slow
 def test_a_superfluous_pole_and_zero_are_reported():
     hits = 0
     for seed in range(20):

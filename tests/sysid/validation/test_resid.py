@@ -21,6 +21,7 @@ def test_true_model_is_rejected_at_the_nominal_rate(p3):
     assert np.mean([t.outside_independence[0, 0] / 25 for t in tests]) == pytest.approx(0.1, abs=0.02)
 
 
+@pytest.mark.slow
 def test_independence_keeps_its_size_with_coloured_residuals():
     """An output-error model of data with coloured noise: not white, but independent of the input."""
     model = innovations_form(Polynomials(ONE, [0, 1.0], ONE, ONE, [1, -0.8]), 0.1)
@@ -37,6 +38,7 @@ def test_independence_keeps_its_size_with_coloured_residuals():
     assert 3 <= 100 - sum(independent) <= 22
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("samples", "lags"), [(100, 10), (150, 25), (400, 25)])
 def test_whiteness_keeps_its_size_on_short_records(samples, lags):
     e = np.random.default_rng(0).standard_normal((8000, samples))
@@ -49,6 +51,7 @@ def test_whiteness_keeps_its_size_on_short_records(samples, lags):
     assert np.mean(p < 0.05) == pytest.approx(0.05, abs=0.006)
 
 
+@pytest.mark.slow
 def test_independence_keeps_its_size_on_short_records():
     p = []
     for seed in range(600):

@@ -68,6 +68,7 @@ def test_folds_are_fits_to_the_other_parts():
     assert table.best(table.validation)["na"] == 2
 
 
+@pytest.mark.slow
 def test_without_noise_the_smallest_exact_structure_wins():
     data = record(0, noise=0.0)[50:]
     assert selstruc(data, range(1, 5), range(1, 5), range(0, 4)).chosen == {"na": 2, "nb": 2, "nk": 2}
