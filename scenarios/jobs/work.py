@@ -119,7 +119,9 @@ class Work:
         """Stop whatever is computed, and end the child."""
         self._closed = True
         self._kill()
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        # Its process is dead, so that this takes no time. The thread of a pool that is left to itself closes a pipe
+        # while Python, which ends, still writes into it.
+        self._pool.shutdown(wait=True, cancel_futures=True)
 
     def _kill(self) -> None:
         with contextlib.suppress(psutil.NoSuchProcess, BrokenProcessPool):
