@@ -7,8 +7,8 @@ import matplotlib.image
 
 from hmtb_twin import load_arm, render
 from scenarios.experiments.campaign import NOMINAL
+from scenarios.report.chart_drawing import draw
 from scenarios.thesis.answer import answer_chart, measure_answer
-from scenarios.thesis.chart import draw
 from scenarios.thesis.study import run_study
 
 FOLDER = Path(__file__).parent

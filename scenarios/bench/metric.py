@@ -37,7 +37,7 @@ class Verdict(Enum):
 
     PASSES = ("passes", "✓", "o")
     FAILS_AS_THEORY_SAYS = ("fails as theory says", "△", "^")
-    NONE = ("no verdict", "–", "o")
+    NONE = ("no verdict", "–", "$○$")
     FAILS = ("fails", "✗", "X")
 
     def __init__(self, word: str, sign: str, marker: str) -> None:

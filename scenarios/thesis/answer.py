@@ -19,9 +19,9 @@ from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import estimate
 from scenarios.identification.one_hertz import between, joined
+from scenarios.report.chart import Chart, Panel, Series
 from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
-from scenarios.thesis.chart import Chart, Panel, Series
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.motion import METHODS
 from scenarios.truth.bla_of_test import BestLinearOfTest

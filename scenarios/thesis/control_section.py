@@ -10,8 +10,8 @@ import numpy as np
 
 from scenarios.control.campaign import CONTROLLED
 from scenarios.control.figures import LAWS, WITHOUT, WITHOUT_LABEL
+from scenarios.report.chart import Chart, Panel, Series, by_view
 from scenarios.report.figure_style import MRAD, short
-from scenarios.thesis.chart import Chart, Panel, Series, by_view
 from sysid.plots import Style
 
 

@@ -4,8 +4,8 @@ import numpy as np
 
 from hmtb_twin import JOINTS
 from scenarios.identification.every_joint import FLOOR, LEVEL, MULTISINES, SevenJoints
+from scenarios.report.chart import Chart, Panel, Series
 from scenarios.report.figure_style import MRAD, short
-from scenarios.thesis.chart import Chart, Panel, Series
 from scenarios.thesis.comparison import Comparison
 from sysid.plots import PALETTE, Style
 

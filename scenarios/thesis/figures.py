@@ -14,10 +14,11 @@ import matplotlib
 
 from hmtb_twin.files.atomic_write import write_whole
 from scenarios.files.toml_file import package_table
+from scenarios.report.chart import Chart
+from scenarios.report.chart_drawing import draw
 from scenarios.report.figures import SETTINGS, save_figure
 from scenarios.thesis import model_charts, record_charts, response_charts
 from scenarios.thesis.answer import Answer, answer_chart
-from scenarios.thesis.chart import Chart, draw
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.control_section import control_chart
 from scenarios.thesis.every_joint_section import every_joint

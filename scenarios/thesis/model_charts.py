@@ -5,8 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
+from scenarios.report.chart import Panel, Series
 from scenarios.report.figure_style import points, short
-from scenarios.thesis.chart import Panel, Series, chart_of, joints
+from scenarios.thesis.chart import chart_of, joints
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.disturbances import AS_IT_IS, DISTURBANCES
 from scenarios.thesis.order_search import Iteration, Search

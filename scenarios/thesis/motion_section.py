@@ -11,10 +11,11 @@ from jinja2 import TemplateError
 from matplotlib.figure import Figure
 
 from scenarios.files.errors import DAMAGE, ScenarioError
+from scenarios.report.chart import Chart, Panel, Series, by_view
+from scenarios.report.chart_drawing import draw
 from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
 from scenarios.thesis.answer import drawn_models
-from scenarios.thesis.chart import Chart, Panel, Series, by_view, draw
 from scenarios.thesis.motion import METHODS
 from scenarios.thesis.motion_answer import motion_texts
 from sysid.plots import PALETTE, Style

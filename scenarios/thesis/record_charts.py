@@ -13,8 +13,9 @@ from scenarios.experiments.film_plot import COMMAND, MEASURED
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import Waveform
+from scenarios.report.chart import Panel, Series, record_series
 from scenarios.report.figure_style import MRAD, method_style, points, short
-from scenarios.thesis.chart import Panel, Series, chart_of, joints, record_series
+from scenarios.thesis.chart import chart_of, joints
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.multivariable import FAST_CHIRP
 from scenarios.thesis.nonparametric import PRBS, PULSE, SINES

@@ -10,8 +10,9 @@ from hmtb_twin import JOINTS
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
+from scenarios.report.chart import Panel, Series
 from scenarios.report.figure_style import MRAD, method_style, points, short
-from scenarios.thesis.chart import Panel, Series, chart_of, joints
+from scenarios.thesis.chart import chart_of, joints
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.multivariable import FULL_OKID, INDEPENDENT
 from scenarios.thesis.nonparametric import PRBS, PULSE, SINES, excited_lines

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scenarios.experiments.registry import load
-from scenarios.thesis.chart import COLUMNS, Chart, Panel, Series, by_view, draw, record_series
+from scenarios.report.chart_drawing import draw
 from scenarios.thesis.figures import ReportFigure, report_figures, thesis_numbers, without_counterpart, write_figures
 from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.motion_section import motion_chart, read_motion
@@ -34,47 +34,6 @@ def test_every_figure_of_the_thesis_is_answered_once_or_has_a_reason(figures):
     assert len(numbers) == len(set(numbers))
     assert set(numbers) == {str(n) for n in range(1, 89)} | {f"A{n}" for n in range(1, 64)}
     assert thesis_numbers("11-13 A2 A4-A5") == ("11", "12", "13", "A2", "A4", "A5")
-
-
-def test_no_peak_of_a_record_is_lost_and_neighbouring_columns_meet():
-    values = np.sin(np.arange(12_000) / 7.0)
-    values[[3_333, 11_999]] = 5.0, -4.0
-    drawn = record_series("measured", values, 0.02, LOOK, start=4.0)
-    assert len(drawn.x) == len(drawn.low) == len(drawn.high) == COLUMNS
-    assert (drawn.high.max(), drawn.low.min()) == (5.0, -4.0)
-    assert abs(drawn.x[drawn.high.argmax()] - 4.0 - 3_333 * 0.02) <= 12_000 / COLUMNS * 0.02
-    rising = record_series("measured", np.arange(5_000.0), 0.02, LOOK)
-    assert np.array_equal(rising.high[:-1], rising.low[1:])
-
-
-def test_missing_samples_leave_a_gap_only_where_nothing_is_known():
-    values = np.ones(12_000)
-    values[::3] = np.nan
-    values[6_000:6_100] = np.nan
-    drawn = record_series("measured", values, 0.02, LOOK)
-    assert 0 < np.isnan(drawn.low).sum() <= 3
-    assert np.all(drawn.low[np.isfinite(drawn.low)] == 1.0)
-
-
-def test_a_short_record_is_drawn_as_it_is():
-    values = np.random.default_rng(1).standard_normal(2 * COLUMNS)
-    drawn = record_series("commanded", values, 0.02, LOOK, held=True)
-    assert np.array_equal(drawn.y, values) and drawn.kind == "step" and drawn.low is None
-
-
-def test_data_of_a_chart_are_rounded_shared_and_gaps_are_null():
-    time = np.array([0.0, 1.0])
-    series = (Series("a", time, np.array([1 / 3, np.nan]), LOOK), Series("b", time, time, LOOK, -time, time))
-    marks = (("x", 1.0, "1 Hz"), ("x", np.nan, "no truth"))
-    views = by_view(lambda n: (Panel("time / s", "y", series * n, marks=marks),), {"one": 1, "none": 0, "two": 2})
-    data = Chart(views).data()
-    first, second = data["views"]["one"][0]["series"]
-    assert (first["y"], first["x"], second["x"], first["high"]) == ((0.3333, None), 0, 0, None)
-    assert (data["x"], second["high"]) == ([[0.0, 1.0]], (0.0, 1.0))
-    assert data["views"]["one"][0]["marks"] == [("x", 1.0, "1 Hz")]
-    assert data["choices"] == [("Joint", ["one", "none", "two"])]
-    assert json.loads(json.dumps(data, allow_nan=False))["columns"] == 1
-    assert not Chart(by_view(lambda n: (), {"one": 1})).views
 
 
 def test_tones_of_the_waveforms_lie_where_the_thesis_puts_them(figures):
