@@ -105,7 +105,8 @@ def work_precision(board: Leaderboard) -> Drawing:
         title, style = _short_title(row, 30), row_styles[row.number]
         time, error = np.median(points, axis=0)
         series.append(Series(title, [time], [error], style, size=10.0))
-        series.append(Series(title, *points.T, replace(style, marker="."), size=5.0))
+        problem_times, problem_errors = points.T
+        series.append(Series(title, problem_times, problem_errors, replace(style, marker="."), size=5.0))
     if not series:
         return None
     panel = Panel("time of an answer / times the reference", "rms error of the response / %", series, log="xy")

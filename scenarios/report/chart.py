@@ -182,8 +182,10 @@ def _on_range(panel: Panel, axis: str, limits: tuple[float, float]) -> Panel:
         values = np.asarray(getattr(curve, axis), dtype=float)
         # An infinite value is no number to be drawn.
         on_range = np.where(np.isfinite(values), np.maximum(values, limits[0]), np.nan)
-        raised.append(replace(curve, **{axis: on_range}))
-    return replace(panel, series=raised, **{f"{axis}_limits": limits})
+        moved: dict[str, Any] = {axis: on_range}
+        raised.append(replace(curve, **moved))
+    ranges: dict[str, Any] = {f"{axis}_limits": limits}
+    return replace(panel, series=raised, **ranges)
 
 
 def record_series(

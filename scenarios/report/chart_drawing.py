@@ -45,7 +45,7 @@ def draw(
             handles.setdefault(_plain(label), line)
     dress(grid[: len(panels)])
     if shared:
-        _label_once(figure, grid[: len(panels)], columns)
+        _label_once(figure, list(grid[: len(panels)]), columns)
     # More columns than three are wider than a figure.
     legend_columns = min(max(columns, 2), 3)
     figure.legend(
@@ -137,7 +137,7 @@ def _draw_series(axes: Axes, series: Series) -> Any:
     steps: Any = "steps-post" if series.kind == "step" else "default"
     # Styles of the palette have a marker too; curves are drawn without.
     marker = "" if style.line else style.marker
-    look = {"color": colour, "ls": style.line, "lw": style.width, "marker": marker, "ms": series.size}
+    look: dict[str, Any] = {"color": colour, "ls": style.line, "lw": style.width, "marker": marker, "ms": series.size}
     (line,) = axes.plot(x, y, drawstyle=steps, **look)
     return line
 
