@@ -134,8 +134,13 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     # A pipe has no width of its own; eighty columns would break the rows that a script wants to read.
     width = None if sys.stdout.isatty() else 160
     console = Console(width=width, highlight=False, markup=False)
-    with console.capture() as printed:  # by itself it would end the process where the reader of a pipe has left
-        console.print(table)
+    try:
+        # Captured, because by itself it would end the process where the reader of a pipe has left.
+        with console.capture() as printed:
+            console.print(table)
+    except SystemExit:
+        # It flushes what was printed before, and finds the reader gone.
+        raise BrokenPipeError from None
     sys.stdout.write(printed.get())
 
 

@@ -283,6 +283,8 @@ def answer_requests() -> None:
             for values in arrays:
                 answers.write(values.ravel(order="A").view(np.uint8))
             answers.flush()
+            # The next file may need all memory that is allowed.
+            del head, arrays
 
 
 def _answer(name: str, arguments: Sequence[Any]) -> tuple[bytes, list[Any]]:

@@ -310,6 +310,10 @@ def records_of(
         remarks = (*remarks, *(f"{remark}, so that gaps are not noticed" for remark in unread))
     interval = _agreed(intervals, file)
     count = len(columns[choice.channels[0]])
+    if not np.isfinite(interval * count):
+        raise SysidError(
+            f"{file.name}: {count} samples every {interval:g} s last longer than any number; expected less"
+        )
     if clock is None:
         clock = Stamps(interval * np.arange(count, dtype=np.float64), 0.0, ())
     if len(clock.seconds) != count:
@@ -376,6 +380,8 @@ def _agreed(intervals: Mapping[str, float], file: Path) -> float:
 def _signal(name: str, times: FloatArray, values: Column, unit: str) -> Signal:
     if values.dtype.kind == "c":
         raise SysidError(f"{name}: expected real numbers, got complex ones")
+    if not values.size:
+        raise SysidError(f"{name} has shape {values.shape}; expected at least 2 samples")
     table = values.astype(np.float64).reshape(len(values), -1)
     width = table.shape[1]
     names = (name,) if width == 1 else default_names(name, width)
@@ -389,6 +395,8 @@ def _intervals(columns: Mapping[str, Column], choice: Choice, file: Path) -> dic
         scale = None if name in (*choice.channels, choice.time) else interval_unit(name)
         if scale is None or _is_text(values) or (is_time(name) and np.ptp(values) > 0):
             continue
+        if not values.size:
+            raise SysidError(f"{file.name}: {name!r} is empty; expected one sampling interval above 0 s")
         low, high = float(values.min()), float(values.max())
         if not 0.0 < low == high < np.inf:
             present = f"{low:g}" if values.size == 1 else f"{low:g} to {high:g}"

@@ -38,6 +38,8 @@ def netcdf_columns(file: Path) -> tuple[dict[str, Column], dict[str, str]]:
         dt = of_file["dt"]
         if isinstance(dt, str):
             raise SysidError(f"{file.name}: attribute dt is the text {dt!r}; expected a number")
+        if np.asarray(dt).dtype.kind not in "iuf" or np.size(dt) != 1:
+            raise SysidError(f"{file.name}: attribute dt is {dt!s:.40}; expected a real number")
         columns["dt"] = np.atleast_1d(np.asarray(dt, dtype=float))
     return columns, units
 

@@ -90,7 +90,7 @@ class _ReadingProcess:
             "arguments": arguments,
             "patience": PATIENCE,
             "folder": os.getcwd(),
-            "sys.path": sys.path,
+            "sys.path": [str(folder) for folder in sys.path],
         }
         try:
             requests.write(json.dumps(request).encode() + b"\n")

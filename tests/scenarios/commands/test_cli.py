@@ -60,6 +60,25 @@ def test_narrow_terminals_stale_variables_and_readers_that_leave(printed, monkey
     assert subprocess.run(["bash", "-c", script], env=stale, cwd=tmp_path).returncode == 0
 
 
+def test_a_table_does_not_end_the_process_where_its_reader_has_left():
+    """What was printed before the table finds the reader gone; the command line makes exit code 0 of that error."""
+    program = (
+        "import os, sys\n"
+        "from scenarios.commands.output import print_table\n"
+        "sys.stdout.write('printed before')\n"
+        "try:\n"
+        "    print_table('title', ['column'], [['1']])\n"
+        "    sys.stdout.flush()\n"
+        "except BrokenPipeError:\n"
+        "    os._exit(7)\n"
+    )
+    reader, writer = os.pipe()
+    os.close(reader)
+    done = subprocess.run([sys.executable, "-c", program], stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert (done.returncode, done.stderr) == (7, "")
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_help_shows_a_line_for_each_command_on_one_screen(printed, program, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")

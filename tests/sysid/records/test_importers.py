@@ -247,3 +247,21 @@ def test_columns_may_end_in_a_tab_or_blanks(tmp_path):
     for between, ending in (("\t", "\t"), (" ", "  ")):
         file.write_text("".join(f"{k}{between}{2 * k}{ending}\n" for k in range(5)))
         np.testing.assert_array_equal(read_csv(file, dt=1.0).y[:, 0], 2.0 * np.arange(5))
+
+
+@pytest.mark.parametrize(
+    ("dt", "samples", "message"),
+    [
+        (0.01, 0, "u has shape .0,.; expected at least 2 samples"),
+        ([], 40, "attribute dt is .*; expected a real number"),
+        ([0.01, 0.02], 40, "attribute dt is .*; expected a real number"),
+        (1e308, 40, "last longer than any number"),
+    ],
+)
+def test_netcdf_without_samples_or_an_interval_is_refused(tmp_path, dt, samples, message):
+    path = tmp_path / "bad.nc"
+    with h5py.File(path, "w") as file:
+        file.attrs["dt"] = dt
+        for name in ("u", "y"):
+            file[name] = np.arange(float(samples))
+    refused(message, lambda: read_netcdf(path))

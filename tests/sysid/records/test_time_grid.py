@@ -100,6 +100,14 @@ def test_jitter_and_losses_do_not_change_the_interval(true, spread):
         assert period(np.delete(times, [40, 41, 90]), "y", "log") == pytest.approx(true, rel=1e-12)
 
 
+@pytest.mark.parametrize("rate", [48.7, 33.3, 23.976])
+def test_stamps_of_two_digits_keep_their_rate(rate):
+    """Steps of one and a half times the median, 0.03 and 0.02 s, are no losses."""
+    times = np.round(np.arange(3000) / rate, 2)
+    found = period(times, "y", "log")
+    assert abs(found * (len(times) - 1) - times[-1]) <= 0.02
+
+
 def test_stamps_without_a_rate_are_refused():
     random = np.cumsum(drawn().exponential(1, N))
     refused(r"y is not uniform: steps from .* outside 0\.5 to 1\.5 times", period, random, "y", "log")
