@@ -64,6 +64,7 @@ def altered(arm, name):
     return independent
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("variant", "payload"), list(product(VARIANTS, PAYLOADS)))
 @pytest.mark.parametrize("specimen", [Specimen(), HEAVY], ids=["designed", "deviating"])
 def test_rigid_bodies(variant, payload, specimen):
@@ -191,6 +192,7 @@ def test_bandwidths_of_the_truth(variant, servo):
         assert measured == pytest.approx(expected, rel=PRECISION), payload
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("servo", ["flow", "torque"])
 def test_linear_equations_are_those_of_small_motion(servo):
     """The second simulation against itself: its matrices are differentiated by hand."""

@@ -99,6 +99,7 @@ def test_an_exact_response_outweighs_others():
     assert merged.covariance.max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2])
 def test_parameters_that_are_collinear_do_not_widen_the_response(seed):
     # a numerator b1 s + b0 and a delay are the same to first order where b1 is zero

@@ -112,6 +112,7 @@ def test_a_record_in_two_parts_is_one_record(name, where):
     assert np.mean(np.abs(response(parts) - response(whole)) / uncertain) < (0.5 if name != "n4sid" else 1.0)
 
 
+@pytest.mark.slow
 @each
 @quick
 @given(where=st.integers(100, 400))
@@ -143,6 +144,7 @@ def test_two_inputs_in_either_sequence(name):
     assert_same(response(identify(turned))[:, :, ::-1], response(identify(data)), tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SEVERAL)
 @quick
 @given(st.permutations(range(3)), st.permutations(range(2)))

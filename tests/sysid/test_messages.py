@@ -148,6 +148,7 @@ def functions():
 PUBLIC = dict(functions())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PUBLIC)
 def test_docstrings_have_their_sections(name):
     function = PUBLIC[name]

@@ -81,6 +81,7 @@ def test_every_arm():
         agree(*rigid(variant, payload))
 
 
+@pytest.mark.slow
 @ARMS
 def test_kinematics(variant, payload):
     arm = load_arm(variant, payload)
@@ -109,6 +110,7 @@ def test_kinematics(variant, payload):
         close(data.energy[1], 0.5 * v @ arm.controller.inertia_matrix(q) @ v)
 
 
+@pytest.mark.slow
 @ARMS
 def test_accelerations_and_their_derivatives(variant, payload):
     """Derivatives by differences of eighth order and by the engine's own."""

@@ -139,6 +139,7 @@ def test_faults_lose_exactly_what_they_hit(records, passed, tmp_path):
         assert (path.read_bytes() == first) is same
 
 
+@pytest.mark.slow
 def test_dropped_messages_are_found_by_their_rate_which_is_a_probability(bus_record, tmp_path):
     record_run([bus_record("drops", 12_000)], tmp_path / "drops.ch10", faults=BusFaults(dropped=0.01, seed=1))
     run = read_run(tmp_path / "drops.ch10")
@@ -212,6 +213,7 @@ def test_a_flipped_bit_costs_one_message_at_most(content, passed, tmp_path):
         assert run.message != ""
 
 
+@pytest.mark.slow
 @settings(max_examples=25)
 @given(st.data())
 def test_wild_damage_never_makes_anything_up(content, passed, tmp_path_factory, data):

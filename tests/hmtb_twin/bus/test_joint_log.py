@@ -57,6 +57,7 @@ def test_missing_and_foreign_files(log, tmp_path):
     refused(r"no joint log.*tide", JointLog.load, tmp_path / "tide.nc")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spoil",
     [

@@ -318,6 +318,7 @@ def test_without_a_folder_for_machine_code_the_equations_are_compiled_anew(monke
     assert asked == [True, False]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["act_dyn", "act_bias"])
 def test_removed_equations_are_put_back_wherever_an_arm_moves_and_foreign_ones_refused(name, experiment):
     plant = replace(ORIFICE, friction="viscous")

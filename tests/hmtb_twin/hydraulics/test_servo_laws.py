@@ -74,6 +74,7 @@ def test_arms_are_stable_and_damped_with_every_payload_over_pressure_and_tempera
     assert held >= 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(VARIANTS))
 @pytest.mark.parametrize("frequency", [2.0, 8.0])
 def test_friction_of_any_level_stays_passive(name, frequency):

@@ -74,6 +74,7 @@ def test_numbers_of_every_kind_are_stored_as_floats(kind):
     assert (plant, repr(plant), hash(plant)) == (plain, repr(plain), hash(plain))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["flow", "torque"])
 def test_truth_keeps_the_drag_drops_dry_friction_and_slows_in_cold_oil(law):
     plants = {kind: Plant(friction=kind, servo=law) for kind in ("none", "viscous", "coulomb", "lugre")}

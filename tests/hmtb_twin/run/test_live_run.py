@@ -75,6 +75,7 @@ def test_a_run_that_is_stopped_keeps_its_record(scenario):
     assert live.step() is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("tick", "on", "made"),
     [

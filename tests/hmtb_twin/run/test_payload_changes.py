@@ -54,6 +54,7 @@ def test_power_that_is_switched_live_leaves_later_changes(changing):
     assert equal(live.log(), simulate([replace(changing, shutdown=(0.4, 0.42))])[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("actuator", ["linear", "orifice"])
 def test_after_a_change_the_arm_becomes_the_arm_with_the_new_payload(changing, actuator):
     ideal = replace(changing, chain=IDEAL, amplitude=0.2, plant=Plant(actuator=actuator), duration=10.0)

@@ -195,6 +195,7 @@ def test_step_of_flow(name, conditions):
     assert error.max() < 1e-4
 
 
+@pytest.mark.slow
 @EVERY
 def test_velocity_gain_no_load_speed_and_stall_torque(name, conditions):
     machine = bench(name, CONDITIONS[conditions])

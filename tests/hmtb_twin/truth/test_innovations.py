@@ -51,6 +51,7 @@ def assert_spectrum(form, driven, R, f, within=1e-8):
     assert (np.abs(spectrum - expected) / np.sqrt(np.einsum("fi,fj->fij", powers, powers))).max() < within
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variant", "actuator"),
     [("nominal", "linear"), ("nominal", "orifice"), ("flight", "linear"), ("published", "linear")],

@@ -29,6 +29,7 @@ def measured(fault=Fault(), records=100, name="", seed=11):  # noqa: B008
     return simulated(trials, fault, np.random.default_rng(seed))
 
 
+@pytest.mark.slow
 @each_metric
 def test_records_without_model_are_left_out_until_they_are_most(definition):
     data = measured(records=40)
@@ -166,6 +167,7 @@ def test_a_fault_fails_the_metrics_that_should_see_it_and_no_other(name):
     assert {name for name, passed in verdicts.items() if passed is None} == unjudged
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("definition", CLAIMS, ids=lambda definition: definition.name)
 def test_only_a_bias_excuses_the_claims_of_a_biased_method(definition):
     overconfident = measured(Fault(claimed=0.5), seed=7)

@@ -77,6 +77,7 @@ def test_families_of_problems_take_turns():
     assert [job.problem for job in jobs] == ["quiet-1-1", "p2", "quiet-1-1", "p2@300", "quiet-1-1"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["p3", "feedback", "p4@500"])
 def test_error_is_that_of_the_bound(name):
     one = problem(name)

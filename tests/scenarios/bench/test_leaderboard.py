@@ -130,6 +130,7 @@ def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, resu
     assert [row.name for row in board.rows] == ["oe", "armax"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [

@@ -120,6 +120,7 @@ def test_scenarios_are_listed_by_tag_and_shown(run, result, tmp_path):
     assert done["failed"] == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("header", ["t", "Time", "TIME (s)", "time_s", "Time [ms]", "t / ms", "Ts", "dt"])
 def test_every_usual_name_of_time_is_read(result, complaint, tmp_path, header):
     u, y = signals()

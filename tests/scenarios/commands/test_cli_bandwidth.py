@@ -61,6 +61,7 @@ def test_records_that_are_there_give_the_same(result, tmp_path):
     assert theirs["condition"] == ours["condition"] == "nominal, with friction"
 
 
+@pytest.mark.slow
 def test_the_table_says_what_is_not_claimed(printed, tmp_path):
     log = prbs(16.0, "shoulder_yaw", variant="published", chain=Chain(friction=False))
     text = printed("bandwidth", "--data", log.save(tmp_path / "a.nc"), "--no-bla", "--methods", "oe")

@@ -30,6 +30,7 @@ ORDERS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_every_estimator_finds_the_pole(result, csv, method):
     output = result("identify", csv, "--method", method, "--orders", *ORDERS[method].split())
@@ -52,6 +53,7 @@ def test_poles_are_printed_with_their_meaning(printed, csv):
     assert roots_text(np.array([0.5 + 0.25j, 0.5 - 0.25j, 0.0, 0.0])) == "0.5000 ± 0.2500j, 0 (2 times)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_a_noise_free_start_from_rest_is_explained_whole(result, tmp_path, method):
     """From rest to another level: the mean of the output is not its level at the mean of the input."""

@@ -173,6 +173,7 @@ def test_a_forgery_with_right_hashes_is_found_by_simulation_alone(copy):
     assert " differs by up to 1e-06 from what the same software" in problem
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("by", "passes"), [(1e-12, True), (1e-3, False)])
 def test_other_versions_may_differ_within_the_tolerance(copy, monkeypatch, by, passes):
     forge(copy, by)
@@ -236,6 +237,7 @@ def test_a_record_that_links_to_another_file_or_claims_to_fill_the_memory_is_ref
         assert re.fullmatch(f"{RECORD}: cannot be read: {says}", problem)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("place", "content"),
     [

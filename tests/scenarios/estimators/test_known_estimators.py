@@ -39,6 +39,7 @@ def called(one, name, ask="fit"):
     return load(one.target, OCTAVE)(problem(name).draw(1), problem(name).task(one.structure, ask))
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize("one", PYTHON, ids=lambda one: one.name)
 def test_quiet_record_is_recovered(one):
@@ -47,6 +48,7 @@ def test_quiet_record_is_recovered(one):
     assert (error < 10.0 ** -DIGITS.get(one.name, 10)) == (one.name not in WRONG)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("one", PYTHON, ids=lambda one: one.name)
 def test_noisy_record_is_near_the_bound(one):
     bound = problem(NOISY).bound(None)

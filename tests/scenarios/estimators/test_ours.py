@@ -46,6 +46,7 @@ def test_pem_takes_each_structure(data, structure):
     np.testing.assert_array_equal(ours.pem(data, task).model.A, expected.A)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "method", "structure"),
     [

@@ -13,6 +13,7 @@ from sysid.polynomial.orders import make_orders
 FREQUENCIES = np.array([0.5, 5.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "structure"), [("p2@2000", "oe"), ("p3", "armax"), ("p3", "ss"), ("p4@2000", "bj"), ("p5", "arx")]
 )

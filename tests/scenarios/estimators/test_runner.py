@@ -182,6 +182,7 @@ def test_the_example_in_python_is_our_arx(data, task):
             estimate(data, replace(task, **other))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("octave-cli") is None, reason="Octave is not installed")
 @pytest.mark.parametrize("stays", [False, True])
 def test_the_examples_in_octave_are_our_arx(data, task, stays):

@@ -141,6 +141,7 @@ def test_a_gif_keeps_grey_and_few_bright_pixels(tmp_path):
             assert np.abs(shown[5 * number, 1] - [213, 94, 0]).max() < 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["siso-8-elbow_pitch", "mimo-5", "rpcm"])
 def test_a_scenario_is_simulated_no_further_than_needed(name):
     short, longer = load_or_simulate(name, until=0.5), load_or_simulate(name, until=2.0)

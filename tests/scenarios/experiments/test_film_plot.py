@@ -41,6 +41,7 @@ def test_curves_are_uncovered_up_to_the_time_of_the_frame(plot):
     assert (np.abs(start - end)[:, right:600].max(axis=2) > 40).any(), "curves of the second half"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("width", "height"), [(640, 480), (1280, 960), (1921, 480), (320, 240)])
 def test_a_plot_is_as_wide_as_its_film_and_of_even_height(log, width, height):
     strip = MotionPlot(log, (1.0, 3.0), (width, height)).at(1.5)

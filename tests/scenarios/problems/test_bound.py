@@ -8,6 +8,7 @@ from scenarios.problems.registry import problem
 from sysid.subspace.cramer_rao_ss import LocalCoordinates, cramer_rao_bound_ss
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "fit"), [("p2@2000", "oe"), ("p3", "armax"), ("p4", "bj"), ("p5", "arx"), ("feedback", "armax")]
 )

@@ -181,6 +181,7 @@ def test_every_registered_scenario_fills_the_fields(tab, page):
         wait_until(lambda: not page[0].work.label)
 
 
+@pytest.mark.slow
 def test_the_preview_shows_the_words_of_the_command(tab, page):
     scenario = replace(load("mimo-7"), duration=12.0)
     seen, card = preview(scenario), preview_card(scenario)

@@ -107,6 +107,7 @@ def test_numbers_are_those_of_the_command_line(tab, page, log, capsys, tmp_path)
     assert content == saved.read_bytes().replace(f"'{saved}'".encode(), name.encode())
 
 
+@pytest.mark.slow
 def test_truth_and_printed_models_are_those_of_hmtb_compare(tab, page, capsys):
     station, _ = page
     choose(tab, "oe", 2, 2, 1)

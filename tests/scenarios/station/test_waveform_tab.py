@@ -100,6 +100,7 @@ def test_numbers_are_those_of_the_command_and_of_python(tab, tmp_path, capsys, m
         assert tab._client.downloads[f"{kind}.txt"] == (tmp_path / f"{kind}.txt").read_bytes()
 
 
+@pytest.mark.slow
 def test_points_and_spectrum_are_drawn(tab, monkeypatch):
     monkeypatch.undo()
     enter(tab, "white_noise", {})

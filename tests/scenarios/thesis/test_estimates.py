@@ -73,6 +73,7 @@ def test_results_end_with_their_record():
     assert model() is None
 
 
+@pytest.mark.slow
 def test_a_campaign_prepares_a_record_once(synthetic_logs):
     name = "siso-5-elbow_pitch"
     campaign = Campaign(NOMINAL, linearize(NOMINAL.arm()), synthetic_logs([name]), {})

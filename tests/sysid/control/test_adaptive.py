@@ -41,6 +41,7 @@ def pushed(theta):
     return VELOCITY / np.sqrt(VELOCITY**2 + 0.005**2) * theta[:, 0] + WANTED @ theta[:, 1:].T
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("limit", "near"), [(np.inf, 0.03), (0.2, 0.05)])
 def test_learns_a_disturbance_in_the_span_of_its_regressors(monkeypatch, limit, near):
     """Also through limits of the command."""
@@ -66,6 +67,7 @@ def test_an_obstacle_teaches_nothing():
     assert (np.abs(loop.coefficients) <= [2e-4, 4e-3, 4e-3]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", [lags(0.05, -0.3), lags(0.11, 0.4)])
 def test_wrong_models_and_noise_stay_within_the_bound(plant):
     loop = ADAPTIVE.fixed.closed_loop(plant)

@@ -41,6 +41,7 @@ def test_the_prediction_is_the_cramer_rao_bound(coloured):
     assert 0.9999 < predicted / exact < 1.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("estimator", [lambda d: sysid.armax(d, 2, 2, 2), lambda d: sysid.pem_ss(d, sysid.n4sid(d, 2))])
 def test_the_prediction_of_an_estimate_for_its_own_record_is_its_interval(estimator):
     data = second_order(3, 2000, noise=0.5, c=[1.0, -0.5, 0.2])

@@ -175,6 +175,7 @@ def test_matched_there_and_back(system):
     np.testing.assert_allclose(model.frequency_response([0.2])[0, 0, 0], system(2j * np.pi * 0.2), rtol=0.1)
 
 
+@pytest.mark.slow
 @given(models(channels=1))
 def test_zeros_poles_and_gain_there_and_back(model):
     form = sysid.zero_pole_gain(model)

@@ -10,6 +10,7 @@ from sysid.polynomial.prediction_error import minimise
 from tests.sysid.systems import near
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("identify", "c", "d", "noise"),
     [

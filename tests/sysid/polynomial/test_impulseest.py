@@ -59,6 +59,7 @@ def test_is_the_posterior_of_gaussian_regression(name):
     np.testing.assert_array_equal(estimate.model.impulse_response(60)[:, 0, 0], estimate.parameters)
 
 
+@pytest.mark.slow
 def test_exact_without_noise_and_without_prior():
     data = second_order(noise=0.0, samples=600)
     for name in (None, *KERNELS):

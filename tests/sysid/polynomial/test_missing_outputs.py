@@ -40,6 +40,7 @@ def test_criterion_is_the_likelihood_of_what_is_known(orders, theta):
     assert np.log(at.inflation) * at.errors == pytest.approx(2.0 * np.log(np.diag(root)).sum(), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("initial_conditions", [InitialConditions.ESTIMATED, InitialConditions.ZERO])
 @pytest.mark.parametrize(("orders", "theta"), CASES)
 @pytest.mark.parametrize("lead", [0, 1, 5])

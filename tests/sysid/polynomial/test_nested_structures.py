@@ -59,6 +59,7 @@ def test_a_start_is_never_left_for_a_worse_fit():
     refused(r"polynomials of 1 input\(s\), got 2", lambda: armax(data, 1, 1, 1, start=Polynomials(B=np.eye(2))))
 
 
+@pytest.mark.slow
 def test_scans_are_monotonic():
     data = drifting(5)
     table = structure_scan(oe, data, ("nb", "nf", "nk"), itertools.product((3, 1, 2), (3, 2, 1), (0,)))

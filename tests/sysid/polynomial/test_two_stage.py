@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 import sysid
@@ -27,6 +28,7 @@ def test_without_feedback_it_is_output_error():
     np.testing.assert_allclose(estimate.residuals, expected.residuals, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_consistent_under_feedback_where_oe_is_biased():
     data, r = in_feedback(samples=5000, noise=0.5, truth=TRUTH)
     estimate = two_stage(data, 2, 2, 1, r)

@@ -208,6 +208,7 @@ def test_mat_7_3(tmp_path):
     refused("robot.mat: a damaged .mat file of version 7.3", read_mat, path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["external", "virtual", "soft", "link"])
 def test_arrays_outside_the_file_are_refused(kind, tmp_path):
     secret, path = tmp_path / "secret.h5", tmp_path / "robot.mat"

@@ -77,6 +77,7 @@ def test_a_damaged_variable_is_refused_also_where_scipy_crashes(damage, store, t
     refused(r"^a\.mat: not a \.mat file of version 7\.2 or older", read_variables, path, ("y",))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("store", [bytes, packed], ids=["v6", "v7"])
 def test_cells_within_cells_are_left_out_and_those_without_end_refused(store, without_end, tmp_path):
     path = tmp_path / "deep.mat"

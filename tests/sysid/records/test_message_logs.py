@@ -96,6 +96,7 @@ def mcap_json(path, encoding="json"):
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sqlite3", "mcap", "file", "json", "bag"])
 def test_a_joint_is_identified_from_a_log_of_messages(tmp_path, kind):
     folder = tmp_path / "robot"

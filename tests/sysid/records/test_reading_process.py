@@ -74,6 +74,7 @@ def test_what_is_handed_over_is_the_same_to_the_last_bit(file):
     np.testing.assert_array_equal(answer["cells"][0, 0], VALUES["texts"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("function", "says"),
     [

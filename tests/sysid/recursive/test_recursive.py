@@ -13,6 +13,7 @@ from tests.refusals import refused
 from tests.sysid.systems import excess_loss
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("problem", "orders"), [("p1", (5, 3, 2)), ("p3", (2, 2, 1)), ("p5", (3, 3, 2))])
 def test_recursive_least_squares_is_least_squares(problem, orders, request):
     data = request.getfixturevalue(problem).draw(0)
@@ -99,6 +100,7 @@ def jumping(seed=0):
     return IOData(u, lfilter([0, 1.0], [1, -0.8], gain * u) + 0.1 * rng.standard_normal(3000), 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "adaptation",
     [

@@ -35,6 +35,7 @@ def switched(seed, change=3000, samples=6000, deviation=1e-4, rest=None):
     return IOData(u, y + deviation * rng.standard_normal(samples), 0.02), [half_power_hz(m) for m in models]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_without_forgetting_it_is_least_squares(seed):
     data = switched(seed)[0].detrend()

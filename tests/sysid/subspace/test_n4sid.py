@@ -102,6 +102,7 @@ def simulated_fit(estimate, data):
     return float(fit_percent(data.y, predict(estimate.model, data, steps=None))[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 5, 7, 10])
 @pytest.mark.parametrize("block_rows", [10, None])
 def test_stability_costs_no_fit_on_slow_data(seed, block_rows):

@@ -90,6 +90,7 @@ def test_predictors_at_the_edge_of_stability_are_fitted_as_well_as_by_armax():
         assert np.mean(estimate.residuals**2) <= 1.001 * np.mean(expected.residuals**2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 4, 7])
 def test_noise_zeros_on_the_unit_circle_leave_the_intervals_of_armax(seed):
     rng = np.random.default_rng(seed)

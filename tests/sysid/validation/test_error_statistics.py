@@ -19,6 +19,7 @@ from sysid.validation.systematic_error import scatter_of, systematic_of
 RUNS = 200
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("records", "directions", "shift"), [(40, 4, 0.0), (15, 2, 0.0), (40, 3, 0.5)])
 def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(records, directions, shift):
     rng = np.random.default_rng(7)
@@ -34,6 +35,7 @@ def test_a_mean_as_large_as_allowed_is_beyond_the_limit_as_often_as_asked(record
     assert inside / RUNS >= 0.904
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shift", "least", "most"), [(1.2, 0.99, 1.0), (0.2, 0.0, 0.1), (0.0, 0.0, 0.05)])
 def test_what_is_larger_is_judged_and_what_is_smaller_is_not(shift, least, most):
     rng = np.random.default_rng(8)

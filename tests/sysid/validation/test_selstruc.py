@@ -128,6 +128,7 @@ def six_outputs(seed):
     return IOData(u, y + 2.0 * rng.standard_normal(y.shape), 0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", (0, 1, 3))
 def test_every_criterion_finds_the_order_of_six_outputs(seed):
     data = six_outputs(seed)
