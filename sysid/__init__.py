@@ -216,11 +216,19 @@ def _thumbnail(result: object) -> str:
 register_drawer(_thumbnail)
 
 
+class MissingPlotsError(SysidError, AttributeError):
+    """What draws figures is not installed: there is no `sysid.plots`."""
+
+
 def __getattr__(name: str) -> ModuleType:
     """Load `sysid.plots` on first use: an analysis without figures does not wait for what draws them."""
     if name == "plots":
-        with optional("plots"):
-            return importlib.import_module("sysid.plots")
+        try:
+            with optional("plots"):
+                return importlib.import_module("sysid.plots")
+        except SysidError as error:
+            # `help` and `hasattr` ask for every name, and take no other error for an answer.
+            raise MissingPlotsError(str(error)) from error
     raise AttributeError(f"module 'sysid' has no attribute {name!r}")
 
 

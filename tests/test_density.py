@@ -14,6 +14,9 @@ from pathlib import Path
 
 import pytest
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("hmtb_twin", "sysid", "scenarios")
 ROOMS = tuple(
@@ -179,7 +182,6 @@ def exceeded(total: Density, limits: dict[str, float]) -> list[str]:
     return [f"{count}: {rate:.1f}, at most {limits[count]:g}" for count, rate in rates.items() if rate > limits[count]]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("package", PACKAGES)
 def test_packages_are_read_at_first_sight(package):
     total = density(package)

@@ -11,6 +11,9 @@ from pathlib import Path
 
 import pytest
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 pytest.importorskip("mkdocs")
 
 ROOT = Path(__file__).parents[1]

@@ -298,7 +298,10 @@ def as_experiments(
             samples or time series that are not allowed.
     """
     if not isinstance(data, IOData | Sequence) or isinstance(data, str):
-        raise SysidError(f"expected an IOData record or a sequence of them, got {type(data).__name__}")
+        raise SysidError(
+            f"expected an IOData record or a sequence of them, got {type(data).__name__}; IOData(u, y, dt) makes "
+            "a record of arrays"
+        )
     records = (data,) if isinstance(data, IOData) else tuple(data)
     if not records:
         raise SysidError("expected at least one experiment, got an empty sequence")

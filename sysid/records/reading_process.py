@@ -62,7 +62,9 @@ def read_apart(function: Callable[..., Result], file: Path, *arguments: object) 
             raise UnreadableError(f"it takes more than {MOST_MEMORY / 2**30:g} GiB of memory")
         case "package":
             package = answer["reason"].partition(".")[0]
-            raise SysidError(f"{file.name}: reading it needs the package {package}: pip install {package}")
+            # All that the reading of foreign files needs beside NumPy and SciPy, but for logs, is in this extra.
+            extra = "logs" if package in ("mcap", "rosbags") else "files"
+            raise SysidError(f"{file.name}: reading it needs the package {package}: pip install './sysid[{extra}]'")
         case "refusal":
             raise SysidError(answer["reason"])
     raise UnreadableError(shortened(answer["reason"], LONGEST_REASON))

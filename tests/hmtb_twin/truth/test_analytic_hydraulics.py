@@ -170,6 +170,7 @@ def test_servo_poles_are_those_that_the_gains_were_placed_for(law):
             assert (-swinging.real > 0.3 * np.abs(swinging)).all()
 
 
+@pytest.mark.slow
 @EVERY
 def test_linearised_step_has_the_hydraulic_poles(name, conditions):
     machine = bench(name, CONDITIONS[conditions])

@@ -13,6 +13,9 @@ from hmtb_twin.truth.innovations import innovations_form
 from sysid import IOData, StateSpace
 from tests.refusals import refused
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 NOISY = Plant(friction="viscous", process_noise=0.005)
 MOVING = JOINTS[1:]
 ELBOW = "elbow_pitch"
@@ -51,7 +54,6 @@ def assert_spectrum(form, driven, R, f, within=1e-8):
     assert (np.abs(spectrum - expected) / np.sqrt(np.einsum("fi,fj->fij", powers, powers))).max() < within
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("variant", "actuator"),
     [("nominal", "linear"), ("nominal", "orifice"), ("flight", "linear"), ("published", "linear")],

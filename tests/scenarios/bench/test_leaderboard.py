@@ -20,6 +20,9 @@ from scenarios.estimators.estimator import Estimator, Limits
 from scenarios.files.errors import ScenarioError
 from tests.scenarios.bench.judging import changed, saved
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 ERRORS = {"p2": 0.1, "p3": 8.0, "p4": 0.3, "p5": 0.9}
 
 
@@ -130,7 +133,6 @@ def test_what_could_not_be_judged_is_no_advantage_and_time_no_harm(written, resu
     assert [row.name for row in board.rows] == ["oe", "armax"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -173,7 +175,6 @@ def test_rows_that_are_not_whole_are_named(written, results):
     ]
 
 
-@pytest.mark.slow
 def test_the_command_writes_both_pages(results, tmp_path, result, complaint):
     folder = tmp_path / "results"
     folder.mkdir()

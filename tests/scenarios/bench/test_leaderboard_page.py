@@ -15,6 +15,9 @@ from scenarios.files.errors import ScenarioError
 from tests.scenarios.bench.judging import changed
 from tests.scenarios.web_page import Page
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 SPLIT = "figures amplitude_split curves shoulder_yaw"
 RESPONSE = "figures frequency_response curves"
 ODD = (
@@ -70,7 +73,6 @@ def pages(originals):
     return html(shown), markdown(shown), board
 
 
-@pytest.mark.slow
 def test_the_page_is_well_formed_loads_nothing_and_runs_no_script_but_its_own(pages):
     page = Page(pages[0])
     marks = set(page.marks)

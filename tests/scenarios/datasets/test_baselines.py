@@ -23,6 +23,9 @@ from scenarios.datasets.tables import read_table, table_text
 from scenarios.experiments.excitation_computer import Excitation
 from tests.refusals import refused
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def small(tiny_spec, tmp_path_factory):
@@ -67,7 +70,6 @@ class Physics:
         return (simulated(arm, pose, commands) + arm.rest(pose).qpos[:7])[:, [column]]
 
 
-@pytest.mark.slow
 def test_the_right_model_reaches_the_stated_score(small, floors):
     """With dry friction and without, the twin simulated from the commands alone leaves the noise of the recorder."""
     scores = score_model(lambda record: Physics(small, record), small)
@@ -141,7 +143,6 @@ def test_models_come_from_the_training_part_of_their_own_arm(small):
     assert "no training records of elbow_pitch" in report(none, Method("gain"))["row"]["failed"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "text",
     [

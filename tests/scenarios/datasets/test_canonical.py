@@ -32,6 +32,7 @@ def cached(tiny_spec, copy, monkeypatch):
     return copy
 
 
+@pytest.mark.slow
 def test_a_copy_in_the_cache_is_opened(cached):
     assert scenarios.load_dataset(cached.name, cache=cached.parent).folder == cached
 

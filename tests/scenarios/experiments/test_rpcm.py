@@ -17,13 +17,15 @@ from scenarios.experiments.scenario import Scenario
 from tests.benchmarks.rpcm import LIMITED
 from tests.refusals import refused
 
+# What all of them set up takes seconds.
+pytestmark = pytest.mark.slow
+
 
 @pytest.fixture(scope="module")
 def log():
     return hmtb_twin.simulate([replace(load("rpcm"), seed=77, duration=110.0)])[0]
 
 
-@pytest.mark.slow
 def test_unit_is_inserted_and_brought_back_within_limits(log):
     outcome = rpcm_outcome(log)
     assert tuple(outcome.phases) == PHASES
@@ -65,7 +67,6 @@ def test_outcome_of_less_than_the_whole(log):
     refused("worksite", rpcm_outcome, replace(log, unit_pose=None, contact_force=None))
 
 
-@pytest.mark.slow
 def test_seed_draws_the_operator():
     short = replace(load("rpcm"), duration=6.0)
     first, again, other = hmtb_twin.simulate([short, replace(short, name="b"), replace(short, name="c", seed=9)])
@@ -73,7 +74,6 @@ def test_seed_draws_the_operator():
     assert np.abs(first.volts - other.volts).max() > 0.5
 
 
-@pytest.mark.slow
 def test_the_unloaded_way_leaves_the_unit_alone():
     log = hmtb_twin.simulate([replace(load("rpcm-unloaded"), duration=20.0)])[0]
     assert not (log.status & Status.UNIT_HELD).any()

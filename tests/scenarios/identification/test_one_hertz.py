@@ -1,6 +1,7 @@
 """The answer on the 1 Hz finding in words, from bandwidths that are known."""
 
 import numpy as np
+import pytest
 
 from scenarios.identification.one_hertz import (
     best_linear_in_words,
@@ -45,6 +46,7 @@ def test_best_linear_has_an_interval_too():
     assert best_linear_in_words([row(1.0, 0.9, 1.1)]) == ""
 
 
+@pytest.mark.slow
 def test_the_verdict_tells_methods_apart():
     arx = (row(0.6, 0.5, 0.7, method="arx"), row(1.0, 0.9, 1.1, method="arx"))
     words = verdict([row(1.0, 0.9, 1.1), *arx, row(NAN, NAN, NAN, method="spa")])

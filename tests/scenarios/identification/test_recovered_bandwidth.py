@@ -48,6 +48,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
     assert held >= 16  # of 20 at 95 %: fewer in one of 400 such tests
 
 
+@pytest.mark.slow
 def test_a_noisy_command_repeats_all_the_same():
     rng = np.random.default_rng(1)
     u = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 40)

@@ -209,6 +209,7 @@ def test_conclusions_are_drawn_of_an_arm_and_the_same_without_friction():
         refused("expected campaigns of an arm with friction", draw_conclusions, values)
 
 
+@pytest.mark.slow
 def test_a_record_without_a_model_that_the_study_is_about_is_named(synthetic_logs, monkeypatch):
     name = single_joint_test(ESTIMATION_TEST, "elbow_pitch")
 

@@ -213,6 +213,7 @@ def test_damaged_files_are_refused(pattern, replacement, message, tmp_path):
     refused(rf"model\.json: (?s:.*)({message})", read_model, path)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
 @pytest.mark.parametrize(
     ("method", "pattern", "replacement", "message"),

@@ -150,6 +150,7 @@ def test_damaged_and_foreign_logs_are_refused(tmp_path):
     refused("no data file", read_log, tmp_path / "none.mcap", **FIELDS)
 
 
+@pytest.mark.slow
 def test_the_extra_is_named_where_it_is_missing(tmp_path, monkeypatch):
     path = mcap_json(tmp_path / "robot.mcap")
     monkeypatch.setitem(sys.modules, "mcap.reader", None)

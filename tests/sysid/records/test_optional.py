@@ -1,5 +1,6 @@
 """Without an optional package, what needs it says which one to install."""
 
+import pydoc
 import sys
 
 import numpy as np
@@ -34,3 +35,7 @@ def test_a_missing_package_is_named_with_its_extra(package, extra, call, monkeyp
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.delattr(sysid, "plots", raising=False)
     refused(rf"this needs the package {package}: pip install './sysid\[{extra}\]'", call, path)
+    if extra == "plots":
+        # Help asks for every name of the package.
+        assert not hasattr(sysid, "plots")
+        assert "Estimate" in pydoc.render_doc(sysid)

@@ -94,7 +94,8 @@ def test_reading_that_fails_is_an_error_and_the_next_file_is_read(function, says
 
 
 def test_a_package_that_is_missing_is_named(file):
-    refused("a.nc: reading it needs the package no_such_package: pip install no_such_package", read_apart, need, file)
+    message = r"a.nc: reading it needs the package no_such_package: pip install './sysid\[files\]'"
+    refused(message, read_apart, need, file)
 
 
 def test_a_packed_chunk_that_takes_all_memory_is_refused(tmp_path):
