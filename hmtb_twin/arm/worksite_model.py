@@ -81,7 +81,7 @@ def _add_copy(spec: mujoco.MjSpec, fixed: mujoco.MjsBody) -> mujoco.MjsBody:
 
 
 def _add_touch_sensor(spec: mujoco.MjSpec, unit: mujoco.MjsBody) -> None:
-    """Add the sensor of contact forces, whose zone is a box a little larger than the unit."""
+    """Add the sensor of contact forces, whose zone is a box round the unit, without its end at the fingers."""
     # The sensor's zone excludes the end at the fingers, whose touch is no contact with the worksite.
     margin, edge = 0.01, 0.01
     x, y, z = (side / 2 for side in UNIT.size)

@@ -251,7 +251,7 @@ class ResolvedRate:
         return damped, True, self._ratio(damped.angles, previous)
 
     def _estimate(self, start: Posture, previous: list[float]) -> tuple[Vector, float]:
-        """Return the step to first order, damped as the pose is singular, and its fastest joint over the limit."""
+        """Return the first-order step, damped near singular poses, and the largest motion of a joint over its limit."""
         rigidity = start.rigidity
         if rigidity >= SINGULAR:
             step = start.resolved()
@@ -336,7 +336,7 @@ class ResolvedRate:
         return ratio
 
     def _command(self, arrived: Posture, previous: list[float]) -> np.ndarray:
-        """Return the joint angles of a posture, no joint an iota beyond its range."""
+        """Return the joint angles of a posture, clipped to their ranges, or to the previous command beyond."""
         angles = [previous[0], *arrived.angles]
         for joint, (angle, low, high) in enumerate(zip(angles, self._low, self._high, strict=True)):
             if not low <= angle <= high:

@@ -126,7 +126,7 @@ def servo_flow(
 
 @register_jitable
 def spool_command(p: np.ndarray, flow: float) -> float:
-    """Return the spool command, part of the stroke, of the amplifier for a flow."""
+    """Return the spool command for a wanted flow, as a fraction of the full stroke."""
     return min(max(p[OPEN] * flow / p[RATED], -1.0), 1.0)
 
 
@@ -231,7 +231,7 @@ def linear_rates(
 
 @register_jitable
 def beyond_limit(p: np.ndarray, load: float) -> float:
-    """Torque by which the load pressure of a linear drive exceeds the largest one, N m: the drive does not exert it."""
+    """Torque of the load pressure beyond the limit of a linear drive, N m, signed: the drive does not exert it."""
     return p[DISPLACEMENT] * (load - min(max(load, -p[LIMIT]), p[LIMIT]))
 
 

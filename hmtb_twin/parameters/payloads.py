@@ -136,7 +136,7 @@ SEATS = {
 
 @dataclass(frozen=True)
 class Latch:
-    """Grip of the end effector: it holds the unit in its present pose if the fitting is between the fingers."""
+    """Latch of the end effector: how far off the fitting it still grips, and how stiffly it holds the unit."""
 
     reach: float = quantity(0.004, "m", "assumed", "the tool may stand so far off the unit's grip")
     turn: float = quantity(radians(4.0), "rad", "assumed", "and be turned by so much")

@@ -45,7 +45,7 @@ class ServoValve:
         return 2.0 * pi * self.frequency
 
     def static_gain(self, actuator: Actuator, kd: float) -> float:
-        """Gain of the load-pressure loop for a standing load, rad/s.
+        """Gain that is chosen for a standing load, so that the joint is damped as the servo asks, rad/s.
 
         With K = D^2 / kd the oil itself damps the joint as the servo should, at once instead of through the spool's
         lag: in K (T/D - P) + D w the servo's - kd w and the flow that the moving joint takes cancel. The whole loop
@@ -68,7 +68,7 @@ class ServoValve:
         return min(self.loop_gain, max(gain, 0.0))
 
     def loop(self, frequency: np.ndarray, static: float) -> np.ndarray:
-        """Return the response of the opened load-pressure loop, joint held.
+        """Return the open-loop frequency response of the load-pressure loop, joint held.
 
         Args:
             frequency: Angular frequencies (n,), rad/s.

@@ -177,7 +177,7 @@ def at_rest(arm: Arm, pose: str) -> dict[str, np.ndarray]:
 
 
 def first_state(row: ExperimentRow, settle: Callable[[Arm, str], dict[str, np.ndarray]] = at_rest) -> dict[str, Any]:
-    """Return the state at rest with the first payload.
+    """Return the state at rest with the first payload, once the drives are known to hold every payload.
 
     Args:
         row: The experiment.
@@ -233,7 +233,7 @@ def experiment_arm(
 
 
 def _description(experiment: Experiment, station: ControlStation) -> dict[str, str]:
-    """Return the classes of operator and joint controller, and the TOML text of the experiment if it describes all."""
+    """Return the classes of operator and joint controller, and the TOML text if it alone can rebuild the experiment."""
     classes = {}
     if station.operator is not None:
         classes["operator"] = _class_name(station.operator)

@@ -82,7 +82,7 @@ def _missing_metrics(rows: Sequence[LeaderboardRow]) -> list[str]:
 
 
 def _rows_without_verdict(rows: Sequence[LeaderboardRow]) -> list[str]:
-    """Notes on estimators of which nothing was judged: what could not fail has not passed either."""
+    """Notes on estimators without any verdict: that none failed does not mean that one passed."""
     sentences = []
     for row in rows:
         outcomes = row.result.outcomes

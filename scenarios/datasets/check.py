@@ -91,7 +91,7 @@ def examine(
 
 
 def _compare_index_and_checksums(checked: CheckedFolder) -> None:
-    """Note records and files of the truth that are not there, and files that only one of index and checksums lists."""
+    """Note how many experiments have a record and which truth is missing; report files that index or checksums lack."""
     problems, notes, arrays, sums = checked.problems, checked.notes, checked.arrays, checked.sums
     listed_or_there = {*sums, *checked.sizes}
     # Classes and small downloads have copies without the truth.
@@ -228,7 +228,7 @@ def _why_not_simulated(count: int, checked: CheckedFolder, drawn: Collection[int
 def _differences(
     folder: Path, experiment: BuiltExperiment, checked: CheckedFolder, sound: Collection[str], *, same: bool
 ) -> Iterator[str]:
-    """Yield for each array that differs the problem; an empty one if it is within the tolerance."""
+    """Yield the problem of each array that differs; an empty text if it is within the tolerance."""
     for file, content in experiment.files.items():
         # The truth about an arm is computed, not simulated: with other versions its digits may differ.
         is_simulated = file.endswith(f"/{experiment.about['name']}.nc")
@@ -281,7 +281,7 @@ def _without_coordinates(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
 
 
 def _compare(label: str, name: str, before: np.ndarray, after: np.ndarray, *, same: bool) -> str:
-    """The problem of an array that differs; empty if it is within the tolerance."""
+    """The problem of an array that differs; empty if other software built it and it is within the tolerance."""
     if before.shape != after.shape:
         return f"{label} has shape {before.shape}, simulated again {after.shape}"
     difference = float(np.max(np.abs(before.astype(float) - after.astype(float)), initial=0.0))

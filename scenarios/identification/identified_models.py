@@ -64,7 +64,7 @@ class IdentifiedModels:
         self._work.when_free(FIGURES, self._draw)
 
     def select(self, number: int) -> None:
-        """Show the numbers of a model."""
+        """Choose the model whose numbers are shown."""
         self.selected = number
         self._changed()
 

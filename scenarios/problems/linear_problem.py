@@ -114,7 +114,7 @@ class LinearProblem(PolynomialProblem):
         return self._bounds[embedded.structure]
 
     def efficient(self, structure: str, seed: int) -> FloatArray:
-        """Parameters (p,) of a perfect estimate from a record: its error is the bound times the record's score.
+        """Parameters (p,) of a perfect estimate: its error is the bound times the gradient of the log likelihood.
 
         That is the first-order error of every efficient estimator: its covariance is the bound, it is normal but for
         what a sum over the record is not, and what it leaves in the residuals is what a fit leaves there.

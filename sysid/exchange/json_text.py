@@ -146,7 +146,7 @@ def checked_keys(where: str, value: Any, required: Collection[str], optional: Co
 
 
 def _array(where: str, value: Any) -> FloatArray:
-    """Numbers in lists in lists; NaN for null."""
+    """Array from nested lists of numbers; null becomes NaN."""
 
     def with_nan(item: Any) -> Any:
         if isinstance(item, list):

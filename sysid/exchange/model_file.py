@@ -203,7 +203,7 @@ def _of_layout(value: Any, table: dict[str, Any]) -> Realise:
 
 
 def _of_derivatives(value: Any, table: dict[str, Any]) -> LinearEntries:
-    """Model to first order in the parameters."""
+    """Rebuild a model that is linear in its parameters, from its stored derivatives."""
     model, theta = table["model"], table["parameters"]
     moves = decoded("derivatives", value, FloatArray | None)
     if moves is not None:

@@ -226,7 +226,7 @@ class LinearModel:
         return bool((self.reach - self.limits @ step < 1e-12).any())
 
     def parameter_step(self, step: FloatArray) -> FloatArray:
-        """Change of the parameters (p,) by a step along the directions."""
+        """Change of the parameters (p,) by a step along the singular directions."""
         return self.right.T @ step / self.scale
 
 
