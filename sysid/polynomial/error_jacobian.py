@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from sysid.models.polynomials import is_stable
+from sysid.models.polynomials import ONE, is_stable
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders
@@ -144,22 +144,11 @@ def _path_transients(f: Sequence[FloatArray], conditions: FloatArray, rows: int)
     for j, fj in enumerate(f):
         degree = len(fj) - 1
         if degree:
-            yield j, _free_response(fj, conditions[first : first + degree], rows)
+            pulses = conditions[first : first + degree]
+            # followed to the end of a record it would be of denormal numbers, which cost ten times as much
+            (transient,) = _pulse_responses([(ONE, fj)], pulses, FIRST_LENGTH, rows, DIED)
+            yield j, transient
             first += degree
-
-
-def _free_response(f: FloatArray, pulses: FloatArray, rows: int) -> FloatArray:
-    """Response of 1/F to pulses at the first samples, from rest, until it has died out, at most (rows,)."""
-    length = min(FIRST_LENGTH, rows)
-    while True:
-        padded = np.zeros(length)
-        padded[: len(pulses)] = pulses
-        response = scipy.signal.lfilter([1.0], f, padded)
-        # a response followed to the end of a record would be of denormal numbers, which cost ten times as much
-        size = np.abs(response)
-        if length == rows or size[-(length // 4) :].max() <= DIED * size.max():
-            return response
-        length = min(4 * length, rows)
 
 
 def _subtract_projection(basis: FloatArray, signals: FloatArray) -> None:
@@ -286,17 +275,15 @@ def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
             counts.append(nf)
     if not filters:
         return np.zeros((0, 0))
-    responses = _pulse_responses(filters, min(FIRST_LENGTH, rows), rows, NEGLIGIBLE)
+    responses = _pulse_responses(filters, ONE, FIRST_LENGTH, rows, NEGLIGIBLE)
     return np.hstack([_delayed_copies(response, count) for response, count in zip(responses, counts, strict=True)])
 
 
 def _delayed_copies(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
     """Columns of `signal` delayed by first, first + 1, ..., from rest."""
     # columns are contiguous, since they are written one by one
-    out = np.zeros((len(signal), count), order="F")
-    for i in range(count):
-        delay = first + i
-        out[delay:, i] = signal[: len(signal) - delay]
+    out = np.empty((len(signal), count), order="F")
+    _write_delayed(out, signal, first)
     return out
 
 
@@ -317,21 +304,35 @@ def _unit_pulse(length: int) -> FloatArray:
 
 
 def _pulse_responses(
-    filters: Sequence[tuple[FloatArray, FloatArray]], length: int, longest: int, negligible: float
+    filters: Sequence[tuple[FloatArray, FloatArray]],
+    pulses: FloatArray,
+    length: int,
+    longest: int,
+    negligible: float,
 ) -> list[FloatArray]:
-    """Pulse responses of filters (numerator, denominator), until the last quarter of each is negligible."""
+    """Responses of filters (numerator, denominator) to pulses at the first samples, from rest, until all have died out.
+
+    Args:
+        filters: The filters.
+        pulses: Inputs at the first samples (k,), k <= longest.
+        length: Samples of the first try.
+        longest: Most samples.
+        negligible: Values of the last quarter, relative to the largest of the response, at which it has died out.
+    """
+    length = min(max(length, len(pulses)), longest)
     while True:
-        pulse = _unit_pulse(length)
-        responses = [scipy.signal.lfilter(numerator, denominator, pulse) for numerator, denominator in filters]
-        if length == longest or max(map(_last_quarter, responses)) < negligible:
+        signal = np.zeros(length)
+        signal[: len(pulses)] = pulses
+        responses = [scipy.signal.lfilter(numerator, denominator, signal) for numerator, denominator in filters]
+        if length == longest or all(_has_died_out(response, negligible) for response in responses):
             return responses
         length = min(4 * length, longest)
 
 
-def _last_quarter(response: FloatArray) -> float:
-    """Largest value of the last quarter of a response, relative to its largest."""
+def _has_died_out(response: FloatArray, negligible: float) -> bool:
+    """Whether the last quarter of a response is negligible beside its largest value."""
     size = np.abs(response)
-    return float(size[-(len(size) // 4) :].max() / size.max())
+    return bool(size[-(len(size) // 4) :].max() <= negligible * size.max())
 
 
 def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -423,7 +424,7 @@ def _response_until_negligible(numerator: FloatArray, denominator: FloatArray, l
     if len(denominator) == 1 or not denominator[1:].any():
         return numerator[:longest]
     length = min(max(FIRST_RESPONSE, 4 * (len(numerator) + len(denominator))), longest)
-    (response,) = _pulse_responses([(numerator, denominator)], length, longest, NEGLIGIBLE_RESPONSE)
+    (response,) = _pulse_responses([(numerator, denominator)], ONE, length, longest, NEGLIGIBLE_RESPONSE)
     alive = np.flatnonzero(np.abs(response) > NEGLIGIBLE_RESPONSE * np.abs(response).max())
     return response[: alive[-1] + 1]
 

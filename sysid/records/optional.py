@@ -19,5 +19,9 @@ def optional(extra: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
-        package = str(error.name).partition(".")[0]
-        raise SysidError(f"this needs the package {package}: pip install './sysid[{extra}]'") from error
+        raise SysidError(f"this {needs_package(str(error.name), extra)}") from error
+
+
+def needs_package(module: str, extra: str) -> str:
+    """Say which package a module that is not found belongs to, and how to install it with its extra."""
+    return f"needs the package {module.partition('.')[0]}: pip install './sysid[{extra}]'"

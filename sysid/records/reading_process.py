@@ -16,6 +16,7 @@ from sysid.records import foreign_files
 from sysid.records.arguments import shortened
 from sysid.records.errors import SysidError
 from sysid.records.foreign_files import MOST_MEMORY, decoded
+from sysid.records.optional import needs_package
 
 Result = TypeVar("Result")
 
@@ -61,10 +62,8 @@ def read_apart(function: Callable[..., Result], file: Path, *arguments: object) 
         case "memory":
             raise UnreadableError(f"it takes more than {MOST_MEMORY / 2**30:g} GiB of memory")
         case "package":
-            package = answer["reason"].partition(".")[0]
-            # All that the reading of foreign files needs beside NumPy and SciPy, but for logs, is in this extra.
-            extra = "logs" if package in ("mcap", "rosbags") else "files"
-            raise SysidError(f"{file.name}: reading it needs the package {package}: pip install './sysid[{extra}]'")
+            # Readers of logs name their packages themselves; all others are in one extra.
+            raise SysidError(f"{file.name}: reading it {needs_package(answer['reason'], 'files')}")
         case "refusal":
             raise SysidError(answer["reason"])
     raise UnreadableError(shortened(answer["reason"], LONGEST_REASON))

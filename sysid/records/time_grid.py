@@ -15,13 +15,18 @@ from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
 GAP = 2.5  # intervals between two samples of an output from which a record is cut; shorter losses are interpolated
-LOST = 1.5  # intervals between two samples from which one between them was lost
 ON_GRID = 0.01  # part of an interval by which steps or stamps may deviate and count as uniform
 
 MOST_IRREGULAR = 0.05
 """Largest share of the steps of an output, gaps apart, outside 0.5 to 1.5 intervals that is resampled."""
 
 EXACT = 1e-9  # spread of steps, relative to them, that rounding of the stamps explains
+
+LOST = 1.5 * (1.0 + EXACT)
+"""Intervals between two samples from which one between them was lost.
+
+Exactly one and a half is no loss: stamps of two digits at 48.7 Hz have steps of 0.02 and 0.03 s.
+"""
 
 MOST_SAMPLES, MOST_ADDED = 10**7, 10
 """Samples of any grid, at most, or multiples of the stamps: a single false stamp can claim all memory."""
@@ -243,8 +248,7 @@ def period(times: FloatArray, signal: str, name: str) -> float:
     """Mean step between stamps (n,) without losses, s, or the round interval or rate that jitter hides."""
     steps = np.diff(times)
     middle = float(np.median(steps))
-    # Stamps of few digits have steps of exactly one and a half: 0.02 and 0.03 s at 48.7 Hz. They are no losses.
-    regular = (steps > 0.5 * middle) & (steps < (1.0 + EXACT) * LOST * middle)
+    regular = (steps > 0.5 * middle) & (steps < LOST * middle)
     irregular = int((~regular & (steps <= GAP * middle)).sum())
     if irregular > MOST_IRREGULAR * len(steps):
         raise SysidError(
