@@ -10,6 +10,8 @@ PYTHON ?= python3
 VENV ?= .venv
 OUT ?= thesis-report
 WORKERS ?= auto
+# Further options of pytest, as in: make test OPTIONS='-k oe'
+OPTIONS ?=
 BIN := $(VENV)/bin
 CREATED := $(VENV)/.created
 INSTALLED := $(VENV)/.installed
@@ -53,7 +55,7 @@ thesis: $(INSTALLED) ## run the whole study and write its report
 	@"$(BIN)/hmtb" thesis --out "$(OUT)"
 	@echo "==> The report is $(abspath $(OUT))/report.html"
 
-PYTEST = "$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder
+PYTEST = "$(BIN)/python" -m pytest -n $(WORKERS) --dist loadgroup --no-loadscope-reorder $(OPTIONS)
 
 .PHONY: test
 test: $(INSTALLED) ## run the tests, side by side (WORKERS=0: one after the other)

@@ -1,10 +1,11 @@
 """Run the tests as other people start them: `python tests/environments.py [NAME ...]`, all where no name is given.
 
-Another shell, another language, another time zone, another order and ignored signals must change no verdict. Arguments
-after `--` go to pytest. A run takes as long as `make test`.
+Another shell, another language, another time zone, another order and ignored signals must change no verdict. Each run
+is `make test`, with the arguments after `--` for pytest.
 """
 
 import os
+import shlex
 import signal
 import subprocess
 import sys
@@ -13,10 +14,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-COMMAND = (
-    *(sys.executable, "-m", "pytest", "-q", "-n", "auto", "--dist", "loadgroup", "--no-loadscope-reorder"),
-    *("-m", "not (pages or reliability or thorough)"),
-)
+
+# Of the environment that this runs in: none is made anew.
+COMMAND = ("make", f"VENV={sys.prefix}", "test")
 
 
 def ignore_signals() -> None:
@@ -58,9 +58,9 @@ ENVIRONMENTS = {
 
 
 def run(environment: Environment, arguments: list[str]) -> int:
-    """Run the tests in an environment: the exit code of pytest."""
+    """Run the tests in an environment: the exit code of make."""
     inherited = {} if environment.bare else dict(os.environ)
-    command = [*COMMAND, *environment.arguments, *arguments]
+    command = [*COMMAND, f"OPTIONS={shlex.join([*environment.arguments, *arguments])}"]
     variables = {**inherited, **environment.variables}
     return subprocess.run(command, cwd=ROOT, env=variables, preexec_fn=environment.prepare).returncode
 

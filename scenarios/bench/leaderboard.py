@@ -12,8 +12,8 @@ import numpy as np
 
 from scenarios.bench.bandwidth import bandwidth_classes
 from scenarios.bench.leaderboard_words import GUIDE
-from scenarios.bench.metric import INFORMATIVE, Metric, Part, Verdict
-from scenarios.bench.result import Result
+from scenarios.bench.metric import NEVER_JUDGED, Metric, Part, Verdict
+from scenarios.bench.result import Result, metrics_of_any
 from scenarios.files.errors import DAMAGE, ScenarioError
 
 MOST_NAMED = 6
@@ -77,7 +77,7 @@ class LeaderboardRow:
         return Verdict.NONE if metric is None else metric.verdict
 
     def verdicts(self, names: Iterable[str]) -> Counter[Verdict]:
-        """The number of metrics with each verdict."""
+        """Count the metrics of these names by verdict."""
         return Counter(map(self.verdict, names))
 
     def parts(self, name: str) -> Sequence[Part]:
@@ -126,16 +126,14 @@ class Leaderboard:
     @cached_property
     def metrics(self) -> dict[str, Metric]:
         """All metrics that any row has, as the first row with them has them: those of this version, then others."""
-        first: dict[str, Metric] = {}
-        for row in self.rows:
-            first = {**row.result.metrics, **first}
+        first = metrics_of_any(row.result for row in self.rows)
         known = [name for name in GUIDE if name in first]
         return {name: first[name] for name in (*known, *sorted(first.keys() - GUIDE.keys()))}
 
     @cached_property
     def judged(self) -> tuple[str, ...]:
         """Names of the metrics by which rows are compared: all that give verdicts, whether a row has them or not."""
-        known = [name for name in GUIDE if name not in INFORMATIVE]
+        known = [name for name in GUIDE if name not in NEVER_JUDGED]
         return (*known, *(name for name in self.metrics if name not in GUIDE and self.is_judged(name)))
 
     def is_judged(self, name: str) -> bool:
@@ -237,7 +235,7 @@ def _read(path: Path) -> LeaderboardRow:
 
 
 def _curves(result: Result, name: str) -> dict[str, Curve]:
-    """Curves of a metric by problem or joint; bandwidths, which are drawn from the parts, are only checked."""
+    """Read the curves of a metric by problem or joint; of bandwidths, which are drawn from parts, only check them."""
     if name == "bandwidth":
         bandwidth_classes(result.metrics)
         return {}

@@ -145,10 +145,11 @@ def by_part(
         return None
     # Downwards, as the rows of the tables.
     y_limits = (len(board.rows) - 0.45, -0.55)
+    row_styles = _styles(board.rows)
     panels = []
     for label in labels[:MOST_PANELS]:
         parts_of_rows = [_part_of(row, name, label) for row in board.rows]
-        series = _series_of_parts(board.rows, parts_of_rows)
+        series = _series_of_parts(board.rows, parts_of_rows, row_styles)
         marks = (*(("x", limit, "") for limit in limits), *_marks_of_parts(parts_of_rows))
         unit = board.metrics[name].unit
         panels.append(Panel(unit, "", series, _spaced(label), log, y_limits=y_limits, marks=marks))
@@ -165,7 +166,9 @@ def _part_of(row: LeaderboardRow, name: str, label: str) -> Part:
     return next((metric_part for metric_part in row.parts(name) if metric_part.label == label), unjudged(label, ""))
 
 
-def _series_of_parts(rows: Sequence[LeaderboardRow], parts_of_rows: Sequence[Part]) -> list[Series]:
+def _series_of_parts(
+    rows: Sequence[LeaderboardRow], parts_of_rows: Sequence[Part], row_styles: Mapping[int, Style]
+) -> list[Series]:
     """Expected values, limits, and each estimator's value and interval."""
     names = [_short_title(row) for row in rows]
     expected = [metric_part.expected for metric_part in parts_of_rows]
@@ -176,7 +179,6 @@ def _series_of_parts(rows: Sequence[LeaderboardRow], parts_of_rows: Sequence[Par
         series.append(Series("limits", ends, names, Style(BOUND.colour, "", 1.0, bracket), size=7.0))
     # Verdicts stand in the legend in the colour of no estimator.
     series += [Series(verdict.word, [], [], Style(INK, "", 1.0, verdict.marker)) for verdict in Verdict]
-    row_styles = _styles(rows)
     for row, name, metric_part in zip(rows, names, parts_of_rows, strict=True):
         style = replace(row_styles[row.number], marker=metric_part.verdict.marker)
         low, high = metric_part.interval
@@ -245,11 +247,12 @@ def _split_series(curve: Curve) -> list[Series]:
 def _by_curve(
     board: Leaderboard, metric: str, columns: Sequence[str], x: str, series_of: Callable[[Curve], list[Series]]
 ) -> Figure:
-    """A panel for each estimator (row) and problem or joint (column); one without series where a curve is missing."""
+    """Draw the curves of a metric: a row of panels for each estimator, a column for each problem or joint."""
     panels = []
     for row in board.rows:
         for column in columns:
             curve = row.curves[metric].get(column)
+            # A panel without series says that the curve is missing.
             series = [] if curve is None else series_of(curve)
             title = _spaced(column) if row is board.rows[0] else ""
             panels.append(Panel(x, _short_title(row, 14), series, title, "xy"))

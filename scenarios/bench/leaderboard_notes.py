@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 
 from scenarios.bench.leaderboard import Leaderboard, LeaderboardRow
 from scenarios.bench.leaderboard_words import CONDITIONS, GUIDE
-from scenarios.bench.metric import INFORMATIVE, Verdict
+from scenarios.bench.metric import NEVER_JUDGED, Verdict
 from scenarios.bench.result import Result
 from scenarios.estimators.outcome import MODEL, REFUSED
 
@@ -74,7 +74,7 @@ def _missing_metrics(rows: Sequence[LeaderboardRow]) -> list[str]:
     for share, group in groups.items():
         names = "all rows" if len(group) == len(rows) > 1 else _names(group)
         computed.append(f"{share} computed: {names}")
-    judging = len(GUIDE) - len(INFORMATIVE)
+    judging = len(GUIDE) - len(NEVER_JUDGED)
     return [
         f"Rows without all {len(GUIDE)} figures, of which {judging} give verdicts: fewer could pass or fail. "
         f"{'; '.join(computed)}."

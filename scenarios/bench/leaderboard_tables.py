@@ -213,7 +213,7 @@ def _metric_cell(metric: Metric | None) -> Cell:
 
 
 def _part_cell(metric_part: Part | None, label: str, *, judged: bool) -> Cell:
-    """The part of an estimator in the line of a label; empty where it lacks the part."""
+    """Cell with the value of a part of a metric; empty where the estimator lacks the part."""
     if metric_part is None:
         return Cell("", inf)
     interval = f"95 % interval {limits(metric_part.interval)}; passes: {limits(metric_part.limits)}"

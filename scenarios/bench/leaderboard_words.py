@@ -35,7 +35,7 @@ def _read_words(file_name: str) -> dict[str, Any]:
 
 
 GUIDE: Mapping[str, MetricGuide] = structure(dict[str, MetricGuide], _read_words("metric_guide.toml"))
-"""Guides by name of the metric, in the order of the page."""
+"""How to read each metric, by its name, in the order of the page."""
 
 _WORDS: Mapping[str, Mapping[str, str]] = _read_words("leaderboard.toml")
 

@@ -28,7 +28,7 @@ FALSE_ALARM = 0.005
 INFORMATIVE_ONLY = ("reliability", "speed", "bandwidth")
 """Metrics that say nothing about whether a model is right."""
 
-INFORMATIVE = ("bandwidth",)
+NEVER_JUDGED = ("bandwidth",)
 """Metrics that never give a verdict."""
 
 

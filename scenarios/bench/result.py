@@ -5,7 +5,7 @@ import math
 import os
 import platform
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -148,6 +148,15 @@ class Result:
         if result.estimator.is_perfect and result.estimator.name != "perfect":
             raise ScenarioError(f"{path}: {result.estimator.name} answers from the truth, as only 'perfect' may")
         return result
+
+
+def metrics_of_any(results: Iterable[Result]) -> dict[str, Metric]:
+    """All metrics that any result has, as the first result with them has them: runs of chosen figures differ."""
+    first: dict[str, Metric] = {}
+    for result in results:
+        for name, metric in result.metrics.items():
+            first.setdefault(name, metric)
+    return first
 
 
 def _safe(value: Any) -> Any:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from scenarios.bench.bandwidth import BandwidthClass
 from scenarios.bench.metric import UNLIMITED, Metric, worst_part
-from scenarios.bench.result import Result
+from scenarios.bench.result import Result, metrics_of_any
 from scenarios.experiments.presentation import Presentation
 from scenarios.experiments.recipe import Recipe
 from scenarios.files.printable import one_line
@@ -75,13 +75,8 @@ def _title(metric: Metric) -> str:
 
 def side_by_side(results: Sequence[Result]) -> ResultTable:
     """The value and verdict of each metric for each estimator, and their failures."""
-    # Runs of chosen figures may have others than their neighbours.
-    first: dict[str, Metric] = {}
-    for result in results:
-        for name, metric in result.metrics.items():
-            first.setdefault(name, metric)
     rows = []
-    for name, metric_of_first in first.items():
+    for name, metric_of_first in metrics_of_any(results).items():
         cells = []
         for result in results:
             other = result.metrics.get(name)

@@ -9,7 +9,6 @@ import tyro
 
 from scenarios.commands.output import (
     check_files,
-    counted,
     output_folder,
     print_json,
     print_table,
@@ -18,6 +17,7 @@ from scenarios.commands.output import (
     say_next_identify,
 )
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.printable import counted
 
 if TYPE_CHECKING:
     from hmtb_twin.bus.record import BusRecord

@@ -6,8 +6,9 @@ from typing import Annotated
 
 import tyro
 
-from scenarios.commands.output import counted, print_json, print_table, progress, say, say_each, say_next
+from scenarios.commands.output import print_json, print_table, progress, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
+from scenarios.files.printable import counted
 from scenarios.files.toml_file import read_toml
 from scenarios.jobs.progress import How, show_progress
 

@@ -10,12 +10,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 from hmtb_twin.files.atomic_write import check_place, result_folder
 from hmtb_twin.files.errors import system_reason
 from scenarios.files.errors import ScenarioError
-from scenarios.files.printable import one_line, visible
+from scenarios.files.printable import counted, one_line, visible
+from scenarios.files.result_table import ResultTable
 from scenarios.jobs.progress import end_activity, pause_activity
 
 if TYPE_CHECKING:
@@ -28,22 +29,6 @@ NUMBER = re.compile(r"[-+−±]?[\d∞][^,]{0,30}$")
 
 FIGURES = (".svg", ".png", ".pdf")
 """Endings of figures."""
-
-
-class TextTable(Protocol):
-    """A table of a result, as the result tables of every room have it."""
-
-    @property
-    def title(self) -> str:
-        """Its title."""
-
-    @property
-    def columns(self) -> Sequence[str]:
-        """Headings; empty where there are none."""
-
-    @property
-    def rows(self) -> Sequence[Sequence[str]]:
-        """Cells."""
 
 
 def plain(value: object) -> object:
@@ -94,11 +79,6 @@ def say_next_identify(path: Path, name: str, joints: Sequence[str], *, tests: in
     say_next("identify", path, *test, "--joint", joint)
 
 
-def counted(count: int, noun: str) -> str:
-    """A count with its noun, in the plural except after 1."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
-
-
 def say_beside_bar(line: str) -> None:
     """Write a line on stderr; a bar of progress stays below it."""
     with pause_activity():
@@ -144,10 +124,10 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
     sys.stdout.write(printed.get())
 
 
-def print_tables(tables: Iterable[TextTable]) -> None:
+def print_tables(tables: Iterable[ResultTable]) -> None:
     """Print the tables of a result on stdout."""
     for table in tables:
-        print_table(table.title, table.columns, table.rows)
+        print_table(*table)
 
 
 def _is_mostly_numbers(cells: Sequence[str]) -> bool:

@@ -10,13 +10,13 @@ from typing import Any
 from scenarios.bench.bandwidth import bandwidth_classes, one_hertz_answer
 from scenarios.bench.consistency import WHERE_IT_FAILS
 from scenarios.bench.leaderboard_words import ORDERS_GIVEN
-from scenarios.bench.metric import INFORMATIVE, Metric, Part, Verdict, excess
+from scenarios.bench.metric import NEVER_JUDGED, Metric, Part, Verdict, excess
 from scenarios.bench.result import Result
 from scenarios.bench.result_tables import bandwidth_table, limits, metric_table, number, side_by_side
 from scenarios.bench.run_progress import file_name
-from scenarios.commands.output import counted, print_table, say
+from scenarios.commands.output import print_table, say
 from scenarios.estimators.outcome import KINDS, MODEL, REFUSED
-from scenarios.files.printable import one_line
+from scenarios.files.printable import counted, one_line
 
 SHOWN = 5
 """Parts of a metric, and reasons of failures, that are printed; the file has more."""
@@ -106,7 +106,7 @@ def show_reasons(metrics: Iterable[Metric], *, verbose: bool) -> None:
             whys = [why for why in dict.fromkeys(problem.why for problem in problems) if why]
             reasons = [why for why in whys if why not in explained] or ["for reasons given above"]
             explained.update(whys)
-        elif judged is Verdict.NONE and metric.name not in INFORMATIVE:
+        elif judged is Verdict.NONE and metric.name not in NEVER_JUDGED:
             reasons, problems = [metric.why.rpartition("; ")[2]], []
         else:
             continue

@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from scenarios.commands.output import check_files, counted, print_json, progress, say, say_next, say_next_identify
+from scenarios.commands.output import check_files, print_json, progress, say, say_next, say_next_identify
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.printable import counted
 
 if TYPE_CHECKING:
     import numpy as np

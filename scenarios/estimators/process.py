@@ -191,7 +191,7 @@ class WatchedProcess:
         return self._popen.returncode, usage.ru_utime + usage.ru_stime
 
     def _read_answer(self, words: Collection[str]) -> tuple[str, str]:
-        """Read what has been printed: kind of the outcome and the answer; empty while there is none."""
+        """Read what the process has printed: kind of outcome and answer, both empty while there is none."""
         chunk = os.read(self._output, 2**16)
         # A process that closes its output can answer nothing any more, nor can one whose line never ends.
         if not chunk or len(self._buffer) > MOST_PRINTED:

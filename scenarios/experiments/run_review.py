@@ -17,6 +17,7 @@ from scenarios.experiments.preview import deadband_warning
 from scenarios.experiments.rpcm import RpcmOutcome, rpcm_outcome
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
+from scenarios.files.printable import counted
 from scenarios.files.result_table import ResultTable
 
 
@@ -69,8 +70,7 @@ def run_table(
         limited = max(reviews[log.name].velocity_limited for log in logs)
         rows.append((str(path), length, f"{100 * clipped:.3g} %", f"{100 * limited:.3g} %"))
     rows += [(name, f"failed: {why}", "", "") for name, why in failed.items()]
-    title = "1 file" if len(files) == 1 else f"{len(files)} files"
-    return ResultTable(title, COLUMNS, rows)
+    return ResultTable(counted(len(files), "file"), COLUMNS, rows)
 
 
 @dataclass(frozen=True)

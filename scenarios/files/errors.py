@@ -10,7 +10,7 @@ DAMAGE = (OSError, ValueError, LookupError, TypeError, ArithmeticError, Attribut
 
 
 LISTED = 3
-"""Items or differences of which a message lists so many, and only counts the others."""
+"""Most items or differences that a message lists; it counts the others."""
 
 MOST_NAMES = 24
 """Names that a message lists; more fill several lines of a terminal."""

@@ -1,4 +1,4 @@
-"""Foreign text made safe to print: one line, control characters replaced."""
+"""Text for people: foreign text made safe to print, counts with their nouns."""
 
 
 def one_line(text: str) -> str:
@@ -11,3 +11,8 @@ def visible(text: str) -> str:
     # Escape sequences are made of characters that are not printable.
     replaced = {character for character in text if not (character.isprintable() or character == "\n")}
     return text.translate({ord(character): "\N{REPLACEMENT CHARACTER}" for character in replaced})
+
+
+def counted(count: int, noun: str) -> str:
+    """A count with its noun, in the plural except after 1."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

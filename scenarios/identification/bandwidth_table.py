@@ -4,10 +4,10 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from scenarios.files.result_table import ResultTable
 from scenarios.identification.bandwidth_study import BandwidthStudy
 from scenarios.identification.one_hertz import between
 from scenarios.identification.recovered_bandwidth import RecoveredBandwidth
-from scenarios.identification.result_tables import ResultTable
 from scenarios.truth.published import published
 from sysid.models.bandwidth import half_power_hz
 

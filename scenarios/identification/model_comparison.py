@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import sysid
+from scenarios.files.result_table import ResultTable
 from scenarios.identification.identification import Identification, identify, usable
 from scenarios.identification.named_models import KnownModel, ModelName, known_models
-from scenarios.identification.result_tables import INTEGRATES, ResultTable
+from scenarios.identification.result_tables import INTEGRATES
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.predict import aligned, as_model, channels_in

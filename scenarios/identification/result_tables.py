@@ -1,12 +1,12 @@
 """Tables of an identified model, as `hmtb identify` and the station's page show them."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from math import isfinite
 
 import numpy as np
 
 from scenarios.files.data_file import joints_of
+from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.identification import FittedModel, Identification, deviations
 from sysid import Estimate, ModelFit, ResidualTest, StructureChoice
@@ -28,21 +28,6 @@ ROUNDING = 1e-12
 
 INTEGRATES = 1e9
 """Gain at 0 Hz from which on a path counts as an integrator, which rounding gives a finite one."""
-
-
-@dataclass(frozen=True)
-class ResultTable:
-    """A table of texts.
-
-    Attributes:
-        title: Its title.
-        columns: Headings; empty where there are none.
-        rows: Cells.
-    """
-
-    title: str
-    columns: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
 
 
 def result_tables(found: FileIdentification) -> tuple[ResultTable, ...]:

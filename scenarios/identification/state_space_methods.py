@@ -8,7 +8,7 @@ from sysid.subspace import markov_parameters
 
 
 def pem_from_n4sid(data: IOData | Sequence[IOData], order: int, *, direct: bool = True) -> Estimate:
-    """Estimate a state-space model by prediction error from the start that the subspace method finds.
+    """Estimate a state-space model by prediction error, starting from the subspace estimate.
 
     Args:
         data: One experiment, or several that share the model.

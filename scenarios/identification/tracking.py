@@ -12,7 +12,7 @@ from hmtb_twin.truth.logged_arm import logged_arm, logged_payloads
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.result_tables import ResultTable
+from scenarios.files.result_table import ResultTable
 from scenarios.truth.bla_of_test import best_linear_of_test
 from sysid import FrequencyResponse
 from sysid.models.bandwidth import HALF_POWER

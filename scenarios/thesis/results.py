@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from hmtb_twin import STUDIED_JOINTS
 from scenarios.experiments.campaign import campaign_scenario, single_joint_test
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.files.errors import DAMAGE, ScenarioError
+from scenarios.files.result_table import ResultTable
 from scenarios.thesis.attribution import AS_IT_IS, SMOOTH, Attributions
 from scenarios.thesis.categories import Category, categories
 from scenarios.thesis.comparison import Comparison, JointResult
@@ -134,14 +135,6 @@ def read_results(folder: Path) -> Mapping[str, Any]:
         return dict(record)
     except DAMAGE as error:
         raise ScenarioError(f"{path} is no result of hmtb thesis, or a damaged one: {error!r}") from error
-
-
-class ResultTable(NamedTuple):
-    """A table of the results in words."""
-
-    title: str
-    columns: tuple[str, ...]
-    rows: Sequence[Sequence[str]]
 
 
 def result_tables(record: Mapping[str, Any]) -> list[ResultTable]:

@@ -11,7 +11,7 @@ N, DT = 400, 0.02
 
 
 def drawn():
-    """A generator of each test's own: another order of the tests draws nothing else."""
+    """A new random generator, so that the numbers of a test do not depend on which tests ran before."""
     return np.random.default_rng(3)
 
 
