@@ -13,7 +13,7 @@ import scipy
 from sysid.models.polynomials import ONE, is_stable
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.missing_outputs import MissingOutputs
-from sysid.polynomial.orders import Orders
+from sysid.polynomial.orders import Orders, SplitPolynomials
 from sysid.polynomial.orthonormal_basis import gramian
 from sysid.polynomial.regressors import input_lags, lagged, output_lags
 from sysid.records.arrays import FloatArray
@@ -54,16 +54,19 @@ def error_jacobian(
     """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,)."""
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
-        columns = _free_conditions_jacobian(y, u, orders, theta, 0, np.zeros((0, 0))).columns[experiment.window :]
+        from_rest = _free_conditions_jacobian(y, u, orders, orders.split(theta), 0, np.zeros((0, 0)))
+        columns = from_rest.columns[experiment.window :]
         return ErrorJacobian(columns, len(columns), 0)
     if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
         return _backcast_jacobian(y, u, orders, theta, orders.first_row(experiment.window))
     start = orders.first_error(experiment.window)
-    return _free_conditions_jacobian(y, u, orders, theta, start, free_transients(orders, theta, len(y) - start))
+    polynomials = orders.split(theta)
+    transients = free_transients(orders, polynomials, len(y) - start)
+    return _free_conditions_jacobian(y, u, orders, polynomials, start, transients)
 
 
 def _free_conditions_jacobian(
-    y: FloatArray, u: FloatArray, orders: Orders, theta: FloatArray, start: int, transients: FloatArray
+    y: FloatArray, u: FloatArray, orders: Orders, polynomials: SplitPolynomials, start: int, transients: FloatArray
 ) -> ErrorJacobian:
     """Errors and Jacobian from `start` on, with the transients of free initial conditions projected out.
 
@@ -76,7 +79,7 @@ def _free_conditions_jacobian(
     Filters run over the whole record from rest. The error of that assumption is, from `start` on, a free response of
     1/C or of D/(C F), hence in the span of the transient columns.
     """
-    a, b, c, d, f = orders.split(theta)
+    a, b, c, d, f = polynomials
     responses = path_responses(u, b, f)
     # a filter without coefficients would cost as much as any other
     output = _moving_average(a, y) if orders.na else y
@@ -259,12 +262,12 @@ def _inverse_covariance_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray
     return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))
 
 
-def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
+def free_transients(orders: Orders, polynomials: SplitPolynomials, rows: int) -> FloatArray:
     """Responses of the errors to free initial conditions, one column each, until they have died out.
 
     Those of the disturbance are free responses of 1/C, those of an input path of D/(C F).
     """
-    _, _, c, d, f = orders.split(theta)
+    _, _, c, d, f = polynomials
     filters, counts = [], []
     if max(orders.nc, orders.nd):
         filters.append((np.ones(1), c))
@@ -276,7 +279,12 @@ def free_transients(orders: Orders, theta: FloatArray, rows: int) -> FloatArray:
     if not filters:
         return np.zeros((0, 0))
     responses = _pulse_responses(filters, ONE, FIRST_LENGTH, rows, NEGLIGIBLE)
-    return np.hstack([_delayed_copies(response, count) for response, count in zip(responses, counts, strict=True)])
+    transients = np.empty((len(responses[0]), sum(counts)), order="F")
+    first = 0
+    for response, count in zip(responses, counts, strict=True):
+        _write_delayed(transients[:, first : first + count], response, first=0)
+        first += count
+    return transients
 
 
 def _delayed_copies(signal: FloatArray, count: int, first: int = 0) -> FloatArray:
@@ -373,7 +381,7 @@ def gapped_error_jacobian(
     # earlier ones
     reach = len(response) if at_rest else orders.na
     early = [t for t in range(max(start - reach, 0), start) if not known[t]]
-    transients = np.zeros((0, 0)) if at_rest else free_transients(orders, theta, rows)
+    transients = np.zeros((0, 0)) if at_rest else free_transients(orders, orders.split(theta), rows)
     free = np.zeros((rows, len(early) + transients.shape[1]))
     for i, t in enumerate(early):
         remaining_response = response[start - t :][:rows]

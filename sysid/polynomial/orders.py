@@ -19,6 +19,9 @@ from sysid.records.errors import SysidError
 P = ParamSpec("P")
 R = TypeVar("R")
 
+SplitPolynomials = tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]
+"""A, B of each input, C, D and F of each input; B with its nk leading zeros, the others with their leading 1."""
+
 
 @dataclass(frozen=True)
 class Orders:
@@ -114,7 +117,7 @@ class Orders:
         nu = len(self.nb)
         return positions[0], positions[1 : 1 + nu], positions[1 + nu], positions[2 + nu], positions[3 + nu :]
 
-    def split(self, theta: FloatArray) -> tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]:
+    def split(self, theta: FloatArray) -> SplitPolynomials:
         """Parameters as polynomials A, [B], C, D, [F], each with its leading 1, B with its nk leading zeros."""
         of_a, of_b, of_c, of_d, of_f = self.ranges
         b = with_delays([theta[of_bj] for of_bj in of_b], self.nk)

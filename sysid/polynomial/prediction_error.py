@@ -7,7 +7,7 @@ projection [GolubPereyra2003]), so that they add no parameters to the search and
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from itertools import chain
 
 import numpy as np
@@ -18,6 +18,7 @@ from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobia
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
+from sysid.polynomial.recent_minima import RecentResults, fingerprint
 from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrained_step, move_roots_inside, outward
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -426,6 +427,10 @@ def search(
     return Search(best, costs, chosen)
 
 
+RECENT_MINIMA: RecentResults[Minimum] = RecentResults(capacity=2048)
+"""Minima of the last searches, some kilobytes each: a scan of a hundred structures fits."""
+
+
 @dataclass(frozen=True, eq=False)
 class Refinement:
     """Minimisation of one structure from any parameters.
@@ -452,7 +457,10 @@ class Refinement:
     ) -> Minimum:
         """Minimise in at most so many steps, or until a cost is reached that is good enough."""
         limit = self.max_iterations if steps is None else min(steps, self.max_iterations)
-        return minimise(
+        theta = origin.theta if isinstance(origin, Linearisation) else origin
+        key = (self._record, self.orders, theta.tobytes(), limit, self.initial_conditions, good_enough)
+        compute = partial(
+            minimise,
             self.experiments,
             self.orders,
             origin,
@@ -460,6 +468,11 @@ class Refinement:
             initial_conditions=self.initial_conditions,
             good_enough=good_enough,
         )
+        return RECENT_MINIMA.get(key, compute)
+
+    @cached_property
+    def _record(self) -> bytes:
+        return fingerprint(self.experiments)
 
 
 def _screened_until_two_agree(
