@@ -77,6 +77,7 @@ def test_mass_is_a_plain_factor_gains_let_nothing_droop_and_extremes_are_bodies(
     np.testing.assert_array_equal(heavy.model.dof_armature, arm.model.dof_armature)
 
 
+@pytest.mark.slow
 def test_the_plant_has_the_bodies_of_pinocchio():
     specimen = deviating(1)
     root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))

@@ -76,6 +76,7 @@ def test_no_published_byte_reveals_a_secret(school):
     assert stat.S_IMODE(school.withheld.stat().st_mode) == 0o700
 
 
+@pytest.mark.slow
 def test_outputs_behind_the_window_of_a_scored_record_are_not_published(school):
     place = "data/test/twin-0-noise.nc"
     complete, public = (
@@ -98,6 +99,7 @@ def truth_of(school):
     return read_arm(path).joints["elbow_pitch"]
 
 
+@pytest.mark.slow
 def test_public_data_sets_load_check_and_cannot_be_scored_or_built(school):
     ann, bob = (open_data_set(folder) for folder in (school.ann, school.bob))
     assert ann.label == "class-ann-v1" and ann.hash != bob.hash
@@ -150,6 +152,7 @@ def test_seeds_come_from_the_system_unless_one_is_given(tmp_path):
     assert len(set(drawn)) == 4 and max(drawn) > 2**50
 
 
+@pytest.mark.slow
 def test_specs_whose_truth_is_public_are_refused(school):
     weak = replace(school.spec.records[1], scenarios=(names("operator")[0],), axes=(), excitation=(), duration=None)
     for change, match in (
@@ -173,6 +176,7 @@ def test_a_roster_is_read_strictly(tmp_path, text, match):
     assert read_roster(path) == ("ann", "bob-2")
 
 
+@pytest.mark.slow
 def test_submissions_are_graded_as_hmtb_dataset_score_does(school, tmp_path, printed, result):
     complete = open_data_set(school.withheld / school.ann.name)
     truth = truth_of(school)

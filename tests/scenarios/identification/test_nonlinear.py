@@ -111,7 +111,9 @@ def test_narx_refuses_orders_that_make_too_many_terms():
     refused("no sample behind 700 lags", narx, [polynomial_record(1)], 1, 1, 700, 1)
 
 
-@pytest.mark.parametrize("delay", [pytest.param(0, marks=pytest.mark.thorough), 2])
+@pytest.mark.parametrize(
+    "delay", [pytest.param(0, marks=pytest.mark.thorough), pytest.param(2, marks=pytest.mark.slow)]
+)
 def test_the_loop_with_its_dead_zone_is_recovered(delay):
     zone = 0.01
     parts = [loop_record(seed, zone, delay) for seed in (1, 2)]
@@ -165,6 +167,7 @@ def test_a_neural_model_beats_its_linear_start_where_there_is_a_tanh():
     assert error(fitted, test) < 0.05 * error(start, test)
 
 
+@pytest.mark.slow
 def test_a_neural_model_of_a_linear_system_stays_with_the_linear_start():
     parts, test = [wave_record(seed, 0.0) for seed in (1, 2)], wave_record(3, 0.0, WINDOW)
     start, fitted = neural_ss(parts, 2, 2, seed=1, iterations=0), neural_ss(parts, 2, 2, seed=1)

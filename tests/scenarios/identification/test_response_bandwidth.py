@@ -14,6 +14,7 @@ from sysid.models.bandwidth import response_bandwidth
 DT = 0.02
 
 
+@pytest.mark.slow
 def test_an_integrator_has_none(capsys, tmp_path):
     u, path = np.random.default_rng(0).standard_normal(2000), tmp_path / "i.csv"
     y = lfilter([0, 0.1], [1, -1], u)

@@ -17,6 +17,7 @@ def tracking(exchange_log):
     return Tracking(exchange_log.name, followed, true_stretches(exchange_log, "elbow_pitch", best_linear=False))
 
 
+@pytest.mark.slow
 def test_the_change_is_found_and_stands_beside_its_truth(tracking):
     assert [(one.begin, one.end, one.payload) for one in tracking.truth] == [(0.0, 20.0, "none"), (20.0, 40.0, "mdm")]
     for stretch, last in tracking.rows():
@@ -29,6 +30,7 @@ def test_the_change_is_found_and_stands_beside_its_truth(tracking):
     assert tracking.false_alarms == ()
 
 
+@pytest.mark.slow
 def test_an_alarm_far_from_a_change_is_false_and_a_change_without_alarm_is_missed(tracking):
     (alarm,) = tracking.track.changes
     early = replace(tracking, track=replace(tracking.track, changes=(replace(alarm, detected=17.0),)))
@@ -36,6 +38,7 @@ def test_an_alarm_far_from_a_change_is_false_and_a_change_without_alarm_is_misse
     assert early.record()["false_alarms"] == [17.0]
 
 
+@pytest.mark.slow
 def test_without_truth_the_parts_lie_between_the_alarms(tracking):
     plain = replace(tracking, truth=())
     (alarm,) = plain.track.changes
@@ -43,6 +46,7 @@ def test_without_truth_the_parts_lie_between_the_alarms(tracking):
     assert plain.record()["false_alarms"] is None
 
 
+@pytest.mark.slow
 def test_the_figure_has_both_quantities(tracking):
     upper, lower = tracking_figure(tracking).axes
     assert (upper.get_ylabel(), lower.get_ylabel(), lower.get_xlabel()) == ("bandwidth / Hz", "delay / ms", "time / s")

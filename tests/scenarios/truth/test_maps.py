@@ -100,6 +100,7 @@ def test_an_arm_that_cannot_hold_itself_has_no_bandwidth():
     refused("expected a name or 7 finite", linear_row, "near", 0.0, weak, np.full(7, np.nan))
 
 
+@pytest.mark.slow
 def test_workspace_varies_shoulder_and_elbow_pitch_alone(small):
     rows = small.table.rows("workspace")
     angles = rows.angles.reshape(3, 4, 7)
@@ -112,6 +113,7 @@ def test_workspace_varies_shoulder_and_elbow_pitch_alone(small):
     assert rows.of("shoulder_pitch")[2 * 4 + 1] == pytest.approx(one, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_turning_about_the_vertical_changes_nothing(small):
     # But for the pin of the shoulder roll, which gives a little when the arm pulls sideways.
     assert np.abs(small.change(small.table.rows("shoulder_yaw"))).max() < 1e-3
@@ -119,6 +121,7 @@ def test_turning_about_the_vertical_changes_nothing(small):
     assert turns_within(small, "shoulder_yaw") == (np.inf, np.inf)
 
 
+@pytest.mark.slow
 def test_the_range_of_a_joint_is_interpolated_between_poses(small):
     start = np.degrees(HERE[JOINTS.index("elbow_pitch")])
     factor = 1.0 + np.array([0.16, 0.04, 0.0, 0.0, 0.05, 0.25])
@@ -150,6 +153,7 @@ def test_random_poses_stay_in_range_and_repeat(small):
     assert not np.array_equal(other.table.rows("anywhere").angles, anywhere.angles[:3])
 
 
+@pytest.mark.slow
 def test_every_condition_is_varied_alone(small):
     loads, pressures, oil = (small.table.rows(name) for name in ("payload", "supply pressure", "oil temperature"))
     assert set(loads.value) == set(PAYLOADS)
