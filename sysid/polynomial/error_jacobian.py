@@ -278,7 +278,9 @@ def free_transients(orders: Orders, polynomials: SplitPolynomials, rows: int) ->
             counts.append(nf)
     if not filters:
         return np.zeros((0, 0))
-    responses = _pulse_responses(filters, ONE, FIRST_LENGTH, rows, NEGLIGIBLE)
+    # a response that is negligible in its last quarter may be delayed by a quarter of its length without loss
+    first_length = max(FIRST_LENGTH, 4 * max(counts))
+    responses = _pulse_responses(filters, ONE, first_length, rows, NEGLIGIBLE)
     transients = np.empty((len(responses[0]), sum(counts)), order="F")
     first = 0
     for response, count in zip(responses, counts, strict=True):

@@ -8,6 +8,7 @@ A request is a line of JSON with the name of a function and its arguments. The a
 the bytes of its arrays: nothing that comes from a file is ever unpickled.
 """
 
+import ctypes
 import json
 import math
 import os
@@ -259,6 +260,24 @@ def decoded(line: bytes, stream: IO[bytes]) -> Any:
     return json.loads(line, object_hook=restored)
 
 
+PR_SET_PDEATHSIG = 1
+"""Option of Linux's `prctl`: the signal that a process gets when the thread that started it ends."""
+
+
+def end_with_parent(parent: int) -> None:
+    """Let the system kill this process when the one that started it ends, however busy this one is.
+
+    Otherwise it would notice the end of its input only after the file that it is reading. The signal follows the
+    thread that started it, which is right here: each thread has a reading process, and nobody else asks it.
+    Other systems than Linux have no such signal.
+    """
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, int(signal.SIGKILL), 0, 0, 0)
+    # The parent may have ended before it could be asked for.
+    if os.getppid() != parent:
+        sys.exit()
+
+
 def answer_requests() -> None:
     """Answer requests from the input until it ends."""
     for limited, most in ((resource.RLIMIT_DATA, MOST_MEMORY), (resource.RLIMIT_AS, MOST_ADDRESSES)):
@@ -303,4 +322,5 @@ def _answer(name: str, arguments: Sequence[Any]) -> tuple[bytes, list[Any]]:
 
 
 if __name__ == "__main__":
+    end_with_parent(int(sys.argv[1]))
     answer_requests()

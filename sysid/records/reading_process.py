@@ -75,7 +75,7 @@ class _ReadingProcess:
     def __init__(self) -> None:
         self._process = subprocess.Popen(
             # -P keeps the folder of the script, whose files are named like modules of others, off the path.
-            [sys.executable, "-P", foreign_files.__file__],
+            [sys.executable, "-P", foreign_files.__file__, str(os.getpid())],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,

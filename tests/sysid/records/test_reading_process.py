@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import threading
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -36,6 +37,12 @@ def crash(path):
 
 
 def sleep(path):
+    threading.Event().wait()
+
+
+def tell_id_and_sleep(path):
+    Path(f"{path}.partial").write_text(str(os.getpid()))
+    os.rename(f"{path}.partial", f"{path}.id")
     threading.Event().wait()
 
 
@@ -133,6 +140,46 @@ def test_it_ends_with_the_process_that_started_it(file):
         for _ in range(100):
             os.kill(int(done.stdout), 0)
             threading.Event().wait(0.1)
+
+
+def _wait_until(condition):
+    for _ in range(100):
+        if condition():
+            return True
+        threading.Event().wait(0.1)
+    return False
+
+
+def _runs(process_id):
+    try:
+        os.kill(process_id, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not tell a process of its parent's end")
+@pytest.mark.parametrize("within_a_thread", [False, True])
+def test_it_ends_with_the_process_that_started_it_while_it_reads(within_a_thread, file):
+    script = (
+        "import threading; from pathlib import Path; from tests.sysid.records.test_reading_process import *\n"
+        f"read = lambda: read_apart(tell_id_and_sleep, Path({str(file)!r}))\n"
+    )
+    script += "threading.Thread(target=read).start()" if within_a_thread else "read()"
+    told = Path(f"{file}.id")
+    with subprocess.Popen([sys.executable, "-c", script]) as starter:
+        assert _wait_until(told.exists)
+        starter.kill()
+    reader = int(told.read_text())
+    assert _wait_until(lambda: not _runs(reader))
+
+
+def test_a_reading_process_outlives_the_end_of_another_thread(file):
+    first = read_apart(id_of, file)
+    thread = threading.Thread(target=lambda: read_apart(id_of, file))
+    thread.start()
+    thread.join()
+    assert read_apart(id_of, file) == first
 
 
 def test_interrupted_reading_leaves_no_answer_to_the_next_file(file, monkeypatch):
