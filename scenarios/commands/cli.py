@@ -199,12 +199,22 @@ def _bad_input(error: Exception) -> str | None:
         return f"MUJOCO_GL={back_end!r} names no OpenGL back end that loads here; unset it, or set it to egl"
     if _is_out_of_memory(error):
         return f"not enough memory ({str(error) or 'no size known'}); expected more, a shorter record or lower orders"
+    if isinstance(error, FileNotFoundError) and not _has_working_folder():
+        return "the folder in which the command was started no longer exists; expected an existing one: cd to it"
     if isinstance(error, OSError):
         from hmtb_twin.files.errors import system_reason
 
         where = f" {error.filename!r}" if error.filename else ""
         return f"cannot read or write{where}: {system_reason(error)}"
     return None
+
+
+def _has_working_folder() -> bool:
+    try:
+        os.getcwd()
+    except FileNotFoundError:
+        return False
+    return True
 
 
 def _is_out_of_memory(error: Exception) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model, chosen_model
 from sysid.models.state_space import StateSpace
+from sysid.records.arguments import file_path
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
@@ -47,6 +48,9 @@ def write_whole(path: Path, content: bytes) -> None:
         with partial.open("xb") as stream:
             stream.write(content)
         partial.replace(path)
+    except FileNotFoundError as error:
+        # a working folder that was deleted still looks like a folder, but takes no files
+        raise SysidError(f"cannot write {path}: its folder no longer exists") from error
     finally:
         partial.unlink(missing_ok=True)
 
@@ -57,7 +61,7 @@ def named_path(path: str | Path, ending: str) -> Path:
     Raises:
         SysidError: Another ending or name.
     """
-    file = Path(path)
+    file = file_path(path)
     name = file.stem
     if file.suffix != ending:
         raise SysidError(f"cannot write {file.name}: expected a name that ends with {ending}")

@@ -90,7 +90,7 @@ class _ReadingProcess:
             "function": function,
             "arguments": arguments,
             "patience": PATIENCE,
-            "folder": os.getcwd(),
+            "folder": _working_folder(),
             "sys.path": [str(folder) for folder in sys.path],
         }
         try:
@@ -102,6 +102,14 @@ class _ReadingProcess:
             if self._process.wait() == -SIGALRM:
                 return {"error": "damage", "reason": f"reading it did not end within {PATIENCE:g} s"}
             return {"error": "damage", "reason": "reading it crashed"}
+
+
+def _working_folder() -> str:
+    """The working folder, or the root of all where it was deleted: no path relative to it leads to a file then."""
+    try:
+        return os.getcwd()
+    except FileNotFoundError:
+        return os.sep
 
 
 def _end(process: "subprocess.Popen[bytes]", owner: int) -> None:

@@ -115,6 +115,16 @@ def test_bad_values_are_one_line(complaint, tmp_path, monkeypatch, words, says):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("words", ["bandwidth", "truth", "control", "convert x.csv y.mat", "identify x.csv"])
+def test_a_working_folder_that_was_deleted_is_named_in_one_line(complaint, tmp_path, monkeypatch, words):
+    deleted = tmp_path / "deleted"
+    deleted.mkdir()
+    monkeypatch.chdir(deleted)
+    deleted.rmdir()
+    line = complaint(*words.split())
+    assert "the folder in which the command was started no longer exists" in line or "no data file 'x.csv'" in line
+
+
 NUMBER = "0x" + "f" * 5000
 """A whole number that Python reads but does not print."""
 

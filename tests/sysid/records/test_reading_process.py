@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from sysid import SysidError, read_netcdf
+from sysid import IOData, SysidError, arx, read_netcdf, write_model
 from sysid.records import foreign_files, reading_process
 from sysid.records.foreign_files import hdf5_contents, hdf5_listing, is_hdf5
 from sysid.records.reading_process import UnreadableError, read_apart
@@ -223,3 +223,14 @@ def test_errors_are_sysid_errors(tmp_path):
     (tmp_path / "a.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(900))
     with pytest.raises(SysidError, match=r"^a\.nc: not a NetCDF4 file, or a damaged one \("):
         read_netcdf(tmp_path / "a.nc")
+
+
+def test_a_working_folder_that_was_deleted_does_not_matter_to_files_elsewhere(file, tmp_path, monkeypatch):
+    deleted = tmp_path / "deleted"
+    deleted.mkdir()
+    monkeypatch.chdir(deleted)
+    deleted.rmdir()
+    assert [item["name"] for item in read_apart(hdf5_listing, file, [], False)] == ["u"]
+    refused("no data file 'a.nc'", read_netcdf, "a.nc")
+    model = arx(IOData(np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 1.0], 9), np.arange(54.0), 0.1), 0, 1)
+    refused("cannot write a.json: its folder no longer exists", write_model, model, "a.json")
