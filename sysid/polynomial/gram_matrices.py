@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from sysid.polynomial.least_squares import SQUARE_SAFE
+from sysid.polynomial.least_squares import SQUARE_SAFE, refuse_overflow
 from sysid.records.arrays import FloatArray
 
 
@@ -41,6 +41,7 @@ def lagged_solution(products: FloatArray, lags: Sequence[range], target: Sequenc
     signal = np.repeat(np.arange(len(lags)), [len(lags_of_signal) for lags_of_signal in lags])
     lag = np.concatenate([np.asarray(lags_of_signal, dtype=int) for lags_of_signal in lags])
     gram = products[signal[:, None], lag[:, None], signal, lag]
+    refuse_overflow(gram)
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not len(lag) or not scale.all():
         return None

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 SQUARE_SAFE = 1e5  # condition up to which normal equations, which square it, keep six digits
 
@@ -78,8 +79,19 @@ def solve_blocks(blocks: Callable[[], Iterable[FloatArray]], p: int) -> LeastSqu
     return _solution(triangle, lengths, p, rows)
 
 
+def refuse_overflow(products: FloatArray) -> None:
+    """Refuse products of regressors that are not finite.
+
+    Rounding moves the roots of a polynomial of hundreds of coefficients out of the unit circle: signals that are
+    filtered by its inverse then grow beyond any number.
+    """
+    if not np.isfinite(products).all():
+        raise SysidError("the regressors overflow: rounding makes filters of so many coefficients unstable; use fewer")
+
+
 def _solution(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> LeastSquares:
     """Solution from the triangle of [Phi Y], its columns divided by their lengths."""
+    refuse_overflow(triangle)
     triangle[:, p:] *= lengths[p:]
     left, values, right = np.linalg.svd(triangle[:p, :p])
     largest = float(values[0]) if p else 0.0

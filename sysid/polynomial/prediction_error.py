@@ -6,6 +6,7 @@ projection [GolubPereyra2003]), so that they add no parameters to the search and
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from itertools import chain
@@ -22,6 +23,7 @@ from sysid.polynomial.recent_minima import RecentResults, fingerprint
 from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrained_step, move_roots_inside, outward
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
+from sysid.records.errors import SysidError
 
 CONVERGED = 1e-9  # remaining decrease, relative to the sum of squares
 STALLED = 1e-15  # decrease by an accepted step, relative to the sum of squares, that is rounding
@@ -381,12 +383,23 @@ def search(
         thorough: Whether other initial estimates than the best one are refined too.
         max_iterations: Limit on the steps of every search.
         initial_conditions: Assumption about the time before each experiment.
+
+    Raises:
+        SysidError: C, D or F of every initial estimate has a root at the unit circle or beyond.
     """
     refine = Refinement(experiments, orders, max_iterations, initial_conditions)
     first = [] if start is None else [start]
     candidates = chain(first, initial_estimates(orders))
     remaining = (candidate for candidate in candidates if admissible(orders, candidate.theta))
     screened, agreed = _screened_until_two_agree(refine, remaining)
+    if not screened:
+        # roots of polynomials of hundreds of coefficients move by more than their distance from the unit circle
+        # when they are rounded: moving them inside then does not keep them there
+        degrees = ", ".join(f"{name} = {order}" for name, order in orders.select("na", "nc", "nd", "nf").items())
+        raise SysidError(
+            f"no initial estimate of {degrees} has C, D and F with all roots inside the unit circle, which rounding "
+            "prevents at high orders; expected lower orders, or start=Polynomials(...) that has them inside"
+        )
     chosen = min(screened, key=lambda name: screened[name].at.cost)
     best = screened[chosen] if screened[chosen].converged else refine(screened[chosen].at)
 
@@ -405,26 +418,33 @@ def search(
     ambiguous = difficult or (refine.samples < SHORT * orders.count and not noise_free)
     if not (smaller_too and ambiguous and start is None):
         return Search(best, costs, chosen)
-    smaller = _smaller_structures(orders)
-    if not neighbours:
-        smaller = smaller[:1]
-    for k, less in enumerate(smaller):
-        # the first has one degree less of everything; only it is searched to the end, and leads to still smaller ones
-        below = search(
-            experiments,
-            initial_estimates,
-            less,
-            smaller_too=k == 0,
-            neighbours=False,
-            thorough=thorough,
-            max_iterations=max_iterations if k == 0 else EASY,
-            initial_conditions=initial_conditions,
-        )
+    minima = _smaller_minima(
+        partial(search, experiments, initial_estimates, thorough=thorough, initial_conditions=initial_conditions),
+        orders,
+        max_iterations,
+        neighbours=neighbours,
+    )
+    for less, below in minima:
         if below.best.at.cost < best.at.cost:
             best = refine(orders.parameters(less.polynomials(below.best.at.theta)))
             chosen = f"padded from {less.count} parameters, {below.start}"
             costs[chosen] = best.at.cost
     return Search(best, costs, chosen)
+
+
+def _smaller_minima(
+    search_below: Callable[..., Search], orders: Orders, max_iterations: int, *, neighbours: bool
+) -> Iterator[tuple[Orders, Search]]:
+    """Smaller structures with their minima; without `neighbours` that with one degree less of everything alone."""
+    smaller = _smaller_structures(orders)
+    if not neighbours:
+        smaller = smaller[:1]
+    for k, less in enumerate(smaller):
+        # the first has one degree less of everything; only it is searched to the end, and leads to still smaller ones
+        steps = max_iterations if k == 0 else EASY
+        # a structure that cannot be fitted offers no minimum
+        with suppress(SysidError):
+            yield less, search_below(less, smaller_too=k == 0, neighbours=False, max_iterations=steps)
 
 
 RECENT_MINIMA: RecentResults[Minimum] = RecentResults(capacity=2048)

@@ -4,9 +4,12 @@ import scipy.linalg
 from scipy.signal import lfilter
 
 from sysid import InitialConditions, IOData, armax, bj, oe, residuals
-from sysid.polynomial.error_jacobian import error_jacobian
+from sysid.polynomial.error_jacobian import error_jacobian, free_transients
+from sysid.polynomial.gram_matrices import lagged_solution
+from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import make_orders
-from sysid.polynomial.prediction_error import admissible, linearise, minimise
+from sysid.polynomial.prediction_error import InitialEstimate, admissible, linearise, minimise, search
+from tests.refusals import refused
 from tests.sysid.systems import A, B, second_order
 
 STRUCTURES = {
@@ -128,3 +131,49 @@ def test_long_records_do_not_care(p3, initial_conditions):
     plain, other = armax(data, 2, 2, 2), armax(data, 2, 2, 2, initial_conditions=initial_conditions)
     assert np.all(np.abs(other.parameters - plain.parameters) < 0.5 * np.sqrt(np.diag(plain.covariance)))
     np.testing.assert_allclose(other.covariance, plain.covariance, rtol=0.1, atol=1e-5)
+
+
+@pytest.mark.parametrize("order", [100, 257, 300])
+def test_transients_of_high_orders_lose_nothing(order):
+    rng = np.random.default_rng(0)
+    orders = make_orders(1, nb=1, nf=order, nk=1)
+    # poles of modulus 0.8 die out within the first length, in copies that are delayed they do so later
+    f = np.zeros(order)
+    f[0], f[-1] = -0.8, 1e-3 * rng.standard_normal()
+    theta = np.concatenate(([1.0], f))
+    transients = free_transients(orders, orders.split(theta), 3000)
+    pulse = np.zeros(3000)
+    pulse[0] = 1.0
+    response = lfilter([1.0], np.concatenate(([1.0], f)), pulse)
+    last = np.concatenate((np.zeros(order - 1), response))[:3000]
+    np.testing.assert_array_equal(transients[:, -1], last[: len(transients)])
+    assert np.abs(last[len(transients) :]).max(initial=0.0) < 1e-15 * np.abs(response).max()
+
+
+def test_a_structure_without_an_initial_estimate_is_refused():
+    orders = STRUCTURES["oe"]
+    outside = np.array([1.0, 1.0, -3.0, 0.0, 0.0])
+    refused(
+        "no initial estimate of na = 0, nc = 0, nd = 0, nf = 3 .*expected lower orders",
+        lambda: search([noise_record(orders)], lambda _: [InitialEstimate("outside", outside)], orders),
+    )
+
+
+def test_smaller_structures_without_an_initial_estimate_are_left_out():
+    orders = STRUCTURES["oe"]
+
+    def estimates(structure):
+        return [InitialEstimate("zero", np.zeros(orders.count))] if structure == orders else []
+
+    found = search([noise_record(orders)], estimates, orders)
+    assert found.start == "zero"
+    assert len(found.costs) == 1
+
+
+@pytest.mark.parametrize("largest", [np.inf, np.nan])
+def test_regressors_that_overflow_are_refused(largest):
+    rows = np.array([[1.0, 2.0], [2.0, 1.0], [1.0, largest]])
+    with np.errstate(all="ignore"):
+        refused("the regressors overflow", solve, rows, np.ones((3, 1)))
+        products = np.full((2, 2, 2, 2), largest**2)
+        refused("the regressors overflow", lagged_solution, products, [range(1), range(1)], [1.0, 0.0])
