@@ -97,7 +97,7 @@ def vrft(
             sensitivity.
     """
     record = as_record(data).detrend(0)
-    terms, delay = whole_number("terms", terms, 1), whole_number("delay", delay, 1)
+    terms, delay = whole_number("terms", terms, 1), whole_number("delay", delay, 1, len(record))
     instruments = whole_number("instruments", instruments, terms)
     pole = real_number("pole", pole, "lie in 0 <= pole < 1", lambda x: 0.0 <= x < 1.0)
     bound = real_number("sensitivity", sensitivity, "be above 1", lambda x: 1.0 < x < np.inf)

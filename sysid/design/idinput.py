@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from sysid.design.multisine import crest_factor, low_crest_turns, sum_of_sines
-from sysid.records.arguments import sampling_interval, shown, truth_value, whole_number
+from sysid.records.arguments import one_of, sampling_interval, shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
 
@@ -116,8 +116,7 @@ def idinput(
         SysidError: An unknown kind, an option of another kind, ends of the band or levels that do not rise or are out
             of range, no line in the band, fewer lines than asked for, or several inputs of `chirp`.
     """
-    if kind not in KINDS:
-        raise SysidError(f"kind must be one of {', '.join(KINDS)}, got {shown(kind)}")
+    one_of("kind", kind, KINDS)
     n, skip = whole_number("n", n, 2, LARGEST), whole_number("skip", skip, 1)
     inputs = whole_number("inputs", inputs, 1, max(1, LARGEST // n))
     periods = whole_number("periods", periods, 1, max(1, LARGEST // (n * inputs)))

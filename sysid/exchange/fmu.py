@@ -19,7 +19,7 @@ from sysid.exchange.files import heading, named_path, operating_point, software,
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
-from sysid.records.arguments import shown
+from sysid.records.arguments import optional_text, shown
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError, SysidWarning
 
@@ -50,6 +50,7 @@ def to_fmu(model: StateSpace | Estimate, path: str | Path, *, compiler: str | No
         SysidWarning: No such compiler, or another system than 64-bit Linux: the file has no binary.
     """
     file = named_path(path, ".fmu")
+    compiler = optional_text("compiler", compiler)
     sources = c_files(model, file.stem)
     # the same identity for the same model, so that the file is the same
     guid = str(uuid.uuid5(uuid.NAMESPACE_OID, "".join(map(repr, sources.values()))))

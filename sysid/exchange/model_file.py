@@ -19,7 +19,7 @@ from sysid.models.predict import Choice, chosen_model
 from sysid.models.state_space import StateSpace, is_covariance
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
-from sysid.records.arguments import shown
+from sysid.records.arguments import file_path, shown
 from sysid.records.arrays import FloatArray, real_array
 from sysid.records.errors import SysidError
 
@@ -50,7 +50,7 @@ def write_model(
         SysidError: Something else, an estimate of `fit_response_ss` in continuous time, another ending, a folder of
             that name.
     """
-    file = Path(path)
+    file = file_path(path)
     if file.suffix != ENDING:
         raise SysidError(f"cannot write {file.name}: expected a name that ends with {ENDING}")
     model = model if isinstance(model, Polynomials) else chosen_model(model)
@@ -83,7 +83,7 @@ def read_model(path: str | Path) -> Estimate | StateSpace | Polynomials:
         SysidError: No file, no JSON, another format or version, keys that are missing or unknown, numbers that are not
             finite, shapes that do not fit.
     """
-    file = Path(path)
+    file = file_path(path)
     try:
         return _model(parsed(file))
     except SysidError as error:

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arguments import real_number, whole_number
-from sysid.records.arrays import ComplexArray, FloatArray, Locked
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, rectangular
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, numbers
@@ -241,7 +241,7 @@ def _excited_lines(lines: ArrayLike | None, power: FloatArray, period: int, audi
         if inner.max(initial=0.0) <= 0.0:
             raise SysidError("the input is constant over a period: nothing is excited")
         return np.asarray(1 + np.flatnonzero(inner > audible * inner.max()))
-    lines = np.atleast_1d(np.asarray(lines))
+    lines = np.atleast_1d(rectangular("lines", lines))
     if lines.dtype.kind not in "iu" or lines.ndim != 1 or lines.size == 0 or lines.min() < 1 or lines.max() > last:
         raise SysidError(f"lines must be whole numbers from 1 to {last}, got {lines.tolist()!r}")
     # amplitudes of 1e-10 of the strongest are rounding of the transform

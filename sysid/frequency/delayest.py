@@ -80,7 +80,8 @@ def delayest(
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu = experiments[0].nu
     largest, na = whole_number("largest", largest, 0), whole_number("na", na, 0)
-    nb, whitening = whole_number("nb", nb, 1), whole_number("whitening", whitening, 0)
+    nb = whole_number("nb", nb, 1)
+    whitening = whole_number("whitening", whitening, 0, max(map(len, experiments)))
     level = confidence_level(level)
     warn_each(check_excitation(experiments, [0] * nu))
     p_values = _p_values_by_arx(experiments, na, nb, largest)

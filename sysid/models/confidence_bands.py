@@ -10,8 +10,8 @@ from sysid.models.delta_method import spread, standard_directions
 from sysid.models.estimate import Estimate, as_estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
-from sysid.records.arguments import shown, whole_number
-from sysid.records.arrays import ComplexArray, FloatArray, Locked
+from sysid.records.arguments import function, shown, whole_number
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, rectangular
 from sysid.records.errors import SysidError
 
 CHI_SQUARE_95 = 5.991464547107979  # two degrees of freedom
@@ -65,6 +65,9 @@ class RootBand(Locked):
         return out
 
 
+OF_MODEL = "from a model to real numbers, such as StateSpace.dc_gain"
+
+
 def band(estimate: Estimate, quantity: Quantity) -> Band:
     """95 % interval of a quantity by the delta method [Ljung1999, ch. 9].
 
@@ -81,7 +84,7 @@ def band(estimate: Estimate, quantity: Quantity) -> Band:
     Raises:
         SysidError: A complex quantity.
     """
-    estimate = as_estimate(estimate)
+    estimate, quantity = as_estimate(estimate), function("quantity", quantity, OF_MODEL)
     value = _real(quantity(estimate.model))
     moves = spread(lambda theta: quantity(estimate.realise(theta)), estimate.parameters, estimate.covariance)
     return normal_band(value, moves)
@@ -108,7 +111,7 @@ def sampled_band(estimate: Estimate, quantity: Quantity, rng: np.random.Generato
     Raises:
         SysidError: Fewer than two draws, an estimate without covariance, or a complex quantity.
     """
-    estimate = as_estimate(estimate)
+    estimate, quantity = as_estimate(estimate), function("quantity", quantity, OF_MODEL)
     value = _real(quantity(estimate.model))
     values = np.array([quantity(model) for model in sample_models(estimate, rng, draws=draws)], dtype=float)
     # a draw may be unstable and its response overflow: the percentiles then end at infinity, as they should
@@ -119,13 +122,16 @@ def sampled_band(estimate: Estimate, quantity: Quantity, rng: np.random.Generato
 
 def _real(value: FloatArray) -> FloatArray:
     """Check that the quantity is real: an interval needs an order."""
-    out = np.asarray(value)
+    out = rectangular("quantity", value)
     if np.iscomplexobj(out):
         raise SysidError(
             "the quantity is complex: expected real numbers, such as its modulus; poles_band and zeros_band give "
             "regions of poles and zeros, estimate.frequency_response that of the response"
         )
-    return np.asarray(out, dtype=float)
+    try:
+        return np.asarray(out, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise SysidError(f"quantity must give real numbers for a model, got {shown(value)}") from error
 
 
 def sample_models(estimate: Estimate, rng: np.random.Generator, *, draws: int = 500) -> list[StateSpace]:

@@ -66,8 +66,10 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
     if isinstance(model, ContinuousEstimate):
         return model
     hold_of_data = model.data.intersample if isinstance(model, Estimate) else "zoh"
-    hold = hold_of_data if intersample is None else intersample
-    if hold == "bl" and intersample is None:
+    hold = hold_of_data
+    if intersample is not None:
+        hold = "foh" if _is_linear(intersample) else "zoh"
+    if hold == "bl":
         message = (
             "the input of the data is band-limited: taken as held, which is exact only far below Nyquist; "
             "intersample='zoh' or 'foh' chooses"
@@ -178,7 +180,7 @@ def c2d(
         SysidError: The system is not continuous, has more zeros than poles, or dt is not positive.
     """
     dt = sampling_interval(dt)
-    method = "foh" if _is_linear(intersample or "zoh") else "zoh"
+    method = "foh" if intersample is not None and _is_linear(intersample) else "zoh"
     if isinstance(system, ContinuousModel):
         return _with_hold(system, intersample).sampled(dt)
     if isinstance(system, ContinuousEstimate):
@@ -296,7 +298,7 @@ def c2d_matched(system: "control.LTI", dt: float) -> StateSpace:
 
 def _is_linear(intersample: str) -> bool:
     """Whether the input is linear between samples (`foh`) instead of held (`zoh`); anything else is refused."""
-    if intersample not in ("zoh", "foh"):
+    if not isinstance(intersample, str) or intersample not in ("zoh", "foh"):
         raise SysidError(f"intersample must be 'zoh' (held) or 'foh' (linear), got {shown(intersample)}")
     return intersample == "foh"
 

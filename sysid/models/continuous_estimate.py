@@ -13,6 +13,7 @@ from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate, as_estimate
 from sysid.models.frequency_response import NORMAL_95
 from sysid.models.state_space import StateSpace
+from sysid.records.arguments import function
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.printing import Part, Table, number
 
@@ -40,6 +41,7 @@ class ContinuousEstimate(Estimate):
 
     def continuous_band(self, quantity: Callable[[ContinuousModel], FloatArray]) -> Band:
         """95 % interval of any real quantity of the continuous-time model, by the delta method [Ljung1999, ch. 9]."""
+        quantity = function("quantity", quantity, "from a continuous-time model to real numbers")
         value = np.asarray(quantity(self.continuous), dtype=float)
         moves = spread(lambda theta: quantity(self.realise_continuous(theta)), self.parameters, self.covariance)
         return normal_band(value, moves)

@@ -11,7 +11,7 @@ from sysid.models.half_power import half_power_frequencies
 from sysid.models.sampling import sample
 from sysid.models.state_space import StateSpace
 from sysid.models.system_matrices import transmission_zeros
-from sysid.records.arguments import sampling_interval
+from sysid.records.arguments import frequency_list, sampling_interval
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
 from sysid.records.optional import optional
@@ -83,13 +83,13 @@ class ContinuousModel(Locked):
 
     def frequency_response(self, f_hz: ArrayLike) -> ComplexArray:
         """Response at s = 2 pi i f of frequencies in Hz (nf,), delays included (nf, ny, nu)."""
-        s = np.atleast_1d(2j * np.pi * real_array("f_hz", f_hz))
+        s = np.atleast_1d(2j * np.pi * frequency_list(f_hz))
         undelayed = self.states.transfer(s, self.states.B, self.states.D)
         return undelayed * np.exp(-s[:, None, None] * self.delays)
 
     def noise_response(self, f_hz: ArrayLike) -> ComplexArray:
         """Response from e to the output (nf, ny, ny)."""
-        s = np.atleast_1d(2j * np.pi * real_array("f_hz", f_hz))
+        s = np.atleast_1d(2j * np.pi * frequency_list(f_hz))
         return self.states.transfer(s, self.states.gain, np.eye(self.states.ny))
 
     def dc_gain(self) -> FloatArray:

@@ -14,7 +14,8 @@ from sysid.models.delta_method import spread
 from sysid.models.frequency_response import NORMAL_95, FrequencyResponse
 from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within, real_array
+from sysid.records.arguments import frequency_list
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, locked_within
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.labelled import Labelled
 from sysid.records.printing import LISTED, Part, Table, counted, numbers, poles_table, uncertain
@@ -285,7 +286,7 @@ class Estimate(Labelled, Locked):
 
     def frequency_response(self, f_hz: ArrayLike) -> FrequencyResponse:
         """Response at frequencies in Hz (nf,), its covariance by the delta method, and the disturbance spectrum."""
-        f = np.atleast_1d(real_array("f_hz", f_hz))
+        f = frequency_list(f_hz)
         moves, _ = self._moves(f, np.full((self.model.ny, self.model.nu), np.nan))
         return self._frequency_response(f, moves)
 
@@ -295,7 +296,7 @@ class Estimate(Labelled, Locked):
         To first order the parameters and the innovation variance are independent; the latter has the variance of a
         sample covariance of normal innovations [Ljung1999, ch. 9].
         """
-        f = np.atleast_1d(real_array("f_hz", f_hz))
+        f = frequency_list(f_hz)
         innovation = self.noise_variance
 
         def log_power(theta: FloatArray) -> FloatArray:
@@ -320,7 +321,7 @@ class Estimate(Labelled, Locked):
         Warns:
             SysidWarning: As `bandwidth` does.
         """
-        f = np.atleast_1d(real_array("f_hz", f_hz))
+        f = frequency_list(f_hz)
         hz = self._responding.bandwidth()
         of_response, of_ratios = self._moves(f, hz)
         return self._frequency_response(f, of_response), self._bandwidth(hz, of_ratios)

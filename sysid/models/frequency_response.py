@@ -8,8 +8,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.records.arguments import real_number, sampling_interval
-from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, real_array
+from sysid.records.arguments import real_number, sampling_interval, shown
+from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, real_array, rectangular
 from sysid.records.channels import channel_indices, channel_labels, default_names
 from sysid.records.data import LARGEST
 from sysid.records.errors import SysidError
@@ -228,11 +228,13 @@ class FrequencyResponse(Labelled, Locked):
         y = channel_indices("output", outputs, output_names)
         if kept is None:
             kept = slice(None)
-        selection = kept if isinstance(kept, slice) else np.asarray(kept)
+        selection = kept if isinstance(kept, slice) else rectangular("kept", kept)
         try:
             f = np.arange(nf)[selection]
         except IndexError as error:
             raise SysidError(f"kept: expected a mask of {nf} frequencies or indices below {nf}") from error
+        if f.ndim != 1:
+            raise SysidError(f"kept: expected a mask of {nf} frequencies or a list of indices, got {shown(kept)}")
         # entries of the response are numbered output by output
         entries = (np.array(y)[:, None] * nu + np.array(u)).ravel()
         index = {"f": f, "y": y, "u": u, "p": range(2), "e": entries}

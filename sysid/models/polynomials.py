@@ -7,8 +7,8 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sysid.models.state_space import StateSpace
-from sysid.records.arguments import real_number
-from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.arguments import real_number, whole_number
+from sysid.records.arrays import FloatArray, Locked, lock, real_array, rectangular
 from sysid.records.errors import SysidError
 from sysid.records.printing import polynomial
 
@@ -42,6 +42,7 @@ class Polynomials(Locked):
 
     def __post_init__(self) -> None:
         """Check and lock."""
+        rectangular("B", self.B)
         # left out, F is one for every input
         if self.F is ONE and np.ndim(self.B) == 2:
             object.__setattr__(self, "F", np.ones((len(self.B), 1)))
@@ -99,6 +100,7 @@ class Polynomials(Locked):
 
     def channel(self, j: int) -> tuple[FloatArray, FloatArray]:
         """B and F of input j, without trailing zeros."""
+        j = whole_number("j", j, -self.nu, self.nu - 1)
         b, f = np.atleast_2d(self.B)[j], np.atleast_2d(self.F)[j]
         return _trim(b), _trim(f)
 

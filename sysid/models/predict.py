@@ -11,7 +11,7 @@ from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
 from sysid.models.recursion import LARGEST, free_response, kalman_filter, output_deviations, state_trajectory
 from sysid.models.state_space import StateSpace
-from sysid.records.arguments import whole_number
+from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray, real_array
 from sysid.records.channels import listed, matching_channels
 from sysid.records.data import IOData, as_record
@@ -346,6 +346,7 @@ def findstates(model: StateSpace | Estimate | Choice, data: IOData, *, simulatio
     Raises:
         SysidError: Channels that do not fit the model.
     """
+    simulation = truth_value("simulation", simulation)
     m = aligned(as_model(model), data)
     data, _ = about_operating_point(model, data)
     gain = np.zeros_like(m.gain) if simulation else None

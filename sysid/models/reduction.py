@@ -8,7 +8,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
 from sysid.models.system_matrices import balanced_truncation
-from sysid.records.arguments import whole_number
+from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 
 MINIMAL = 1e-12  # Hankel singular value, relative to the largest, below which a state is not minimal
@@ -33,7 +33,7 @@ def balred(model: StateSpace | Estimate, order: int, *, match_dc: bool = False) 
         SysidError: The model is not stable, or has fewer states than `order`.
     """
     model = as_model(model)
-    order = whole_number("order", order, 0, model.order)
+    order, match_dc = whole_number("order", order, 0, model.order), truth_value("match_dc", match_dc)
     sigma = _innovation_deviations(model)
     drive = np.hstack((model.B, model.gain * sigma))
     A, B, C, _ = balanced_truncation(model.A, drive, model.C, MINIMAL)

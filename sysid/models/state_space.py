@@ -11,7 +11,14 @@ from numpy.typing import ArrayLike
 
 from sysid.models.half_power import half_power_frequencies
 from sysid.models.system_matrices import balanced_truncation, schur_form, transmission_zeros
-from sysid.records.arguments import real_number, sampling_interval, shown, warn_beyond_nyquist, whole_number
+from sysid.records.arguments import (
+    frequency_list,
+    real_number,
+    sampling_interval,
+    shown,
+    warn_beyond_nyquist,
+    whole_number,
+)
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, lock, real_array
 from sysid.records.channels import channel_labels, default_names
 from sysid.records.errors import SysidError
@@ -24,6 +31,9 @@ if TYPE_CHECKING:
 LARGE = 24  # order from which one Schur decomposition for all frequencies is faster than a linear solve at each
 
 ON_A_POLE = "a frequency falls exactly on a pole on the unit circle: the response is infinite"
+
+
+LONGEST_RESPONSE = 10**8  # samples of a pulse response
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -172,10 +182,7 @@ class StateSpace(Locked):
 
     def _response(self, f_hz: ArrayLike, B: FloatArray, D: FloatArray) -> ComplexArray:
         """C (zI - A)^-1 B + D at frequencies in Hz (nf,), for any B and D that fit the states."""
-        frequencies = np.atleast_1d(real_array("f_hz", f_hz))
-        if frequencies.ndim != 1:
-            raise SysidError(f"f_hz: expected a list of frequencies, got an array of shape {frequencies.shape}")
-        return self.transfer(np.exp(2j * np.pi * self.dt * frequencies), B, D)
+        return self.transfer(np.exp(2j * np.pi * self.dt * frequency_list(f_hz)), B, D)
 
     def transfer(self, z: ComplexArray, B: FloatArray, D: FloatArray) -> ComplexArray:
         """C (zI - A)^-1 B + D at complex points z (nf,), for any B and D that fit the states, (nf, ny, columns).
@@ -248,9 +255,9 @@ class StateSpace(Locked):
         """First n Markov parameters D, CB, CAB, ... (n, ny, nu): the pulse response, sample by sample.
 
         Raises:
-            SysidError: n < 1.
+            SysidError: n < 1, or more samples than memory holds.
         """
-        n = whole_number("n", n, 1)
+        n = whole_number("n", n, 1, LONGEST_RESPONSE)
         out = np.empty((n, self.ny, self.nu))
         out[0] = self.D
         state = self.B
@@ -287,6 +294,8 @@ class StateSpace(Locked):
 
     def channel(self, input: int, output: int) -> "StateSpace":
         """The path from one input to one output, without noise model and names."""
+        input = whole_number("input", input, -self.nu, self.nu - 1)
+        output = whole_number("output", output, -self.ny, self.ny - 1)
         # lists as indices keep both axes
         B, C, D = self.B[:, [input]], self.C[[output]], self.D[[output]][:, [input]]
         return StateSpace(self.A, B, C, D, None, self.dt)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
 from sysid.models.state_space import StateSpace
-from sysid.records.arguments import real_number, sampling_interval
+from sysid.records.arguments import real_number, sampling_interval, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, lock, real_array
 from sysid.records.errors import SysidError
 from sysid.records.optional import optional
@@ -108,6 +108,7 @@ def zero_pole_gain(model: StateSpace | Estimate, *, input: int = 0, output: int 
     """
     model = as_model(model)
     model = model if model.nu else model.input_path()
+    input, output = whole_number("input", input, 0), whole_number("output", output, 0)
     if not (0 <= input < model.nu and 0 <= output < model.ny):
         raise SysidError(
             f"no channel from input {input} to output {output}: the model has {model.nu} input(s) and {model.ny} "

@@ -13,7 +13,7 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.regressors import complete_rows, lagged, output_lags
-from sysid.records.arguments import shown
+from sysid.records.arguments import one_of
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
@@ -45,8 +45,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
     Warns:
         SysidWarning: A mean that dominates, rank deficient regressors, an unstable model ("fb", "ls").
     """
-    if approach not in get_args(Approach):
-        raise SysidError(f"approach must be one of {', '.join(get_args(Approach))}; got {shown(approach)}")
+    one_of("approach", approach, get_args(Approach))
     experiments = as_series(data, missing=approach in ("fb", "ls"))
     orders = make_orders(0, na=na)
     na = orders.na

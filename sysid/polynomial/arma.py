@@ -8,6 +8,7 @@ from sysid.polynomial.ar import as_series
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
+from sysid.records.arguments import truth_value
 from sysid.records.data import IOData
 
 
@@ -46,6 +47,7 @@ def arma(
     Warns:
         SysidWarning: A mean that dominates, no convergence, bad conditioning, C at the edge of stability.
     """
+    coloured = truth_value("coloured", coloured)
     return prediction_error_estimate(
         "arma",
         as_series(data, missing=not coloured),

@@ -56,13 +56,13 @@ def arx(
     Warns:
         SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
     """
-    coloured = truth_value("coloured", coloured)
-    if coloured and regularisation is not None:
+    coloured, kernel = truth_value("coloured", coloured), checked_kernel("regularisation", regularisation)
+    if coloured and kernel is not None:
         raise SysidError("coloured=True needs regularisation=None: a posterior covariance rests on white errors")
     experiments = as_experiments(data, missing=not coloured, series=True)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
     order_values = orders.select("na", "nb", "nk")
-    return regression_estimate("arx", experiments, orders, order_values, coloured=coloured, kernel=regularisation)
+    return regression_estimate("arx", experiments, orders, order_values, coloured=coloured, kernel=kernel)
 
 
 def regression_estimate(
@@ -79,7 +79,6 @@ def regression_estimate(
     `order_values` are the orders as the estimate reports them.
     """
     check_single_output(experiments)
-    kernel = None if kernel is None else checked_kernel(kernel)
     # a prior takes the place of excitation and of samples
     needed_excitation = orders.nb if kernel is None else [1] * len(orders.nb)
     messages = check_excitation(experiments, needed_excitation)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.polynomial.arx import regression_estimate
 from sysid.polynomial.orders import make_orders
-from sysid.polynomial.regularisation import Kernel
+from sysid.polynomial.regularisation import Kernel, checked_kernel
 from sysid.records.arguments import whole_number
 from sysid.records.data import IOData, as_experiments
 
@@ -44,6 +44,6 @@ def impulseest(
             excitation, with one a response that has not decayed after n coefficients.
     """
     experiments = as_experiments(data, missing=True)
-    n = whole_number("n", n, 1)
+    n, kernel = whole_number("n", n, 1), checked_kernel("kernel", kernel)
     orders = make_orders(experiments[0].nu, nb=n, nk=nk)
     return regression_estimate("impulseest", experiments, orders, {"n": n, **orders.select("nk")}, kernel=kernel)

@@ -189,13 +189,13 @@ def prediction_error_estimate(
     of the input, which gives narrower intervals. The orders are those of `make_orders` by name; `series` allows records
     without input.
     """
+    coloured = truth_value("coloured", coloured)
     # beside a noise model, only complete records show the colour
     shows_colour = not {"na", "nc", "nd"} & order_values.keys()
     experiments = as_experiments(data, missing=shows_colour or not coloured, series=series)
     orders = make_orders(experiments[0].nu, **order_values)
     initial_conditions = InitialConditions.of(initial_conditions)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
-    coloured = truth_value("coloured", coloured)
     check_single_output(experiments)
     complete = all(e.complete for e in experiments)
     if not complete and initial_conditions is InitialConditions.BACKCAST:

@@ -9,16 +9,15 @@ inverted: one triangle of [Phi y], O(N n^2), serves all evaluations, each of whi
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Literal, get_args
+from typing import Any, Literal, cast, get_args
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from sysid.polynomial.least_squares import scaled_triangle
-from sysid.records.arguments import shown
+from sysid.records.arguments import one_of
 from sysid.records.arrays import FloatArray
-from sysid.records.errors import SysidError
 
 Kernel = Literal["tc", "dc", "ss"]
 
@@ -28,12 +27,9 @@ BOUNDS = {"scale": (-35.0, 35.0), "rate": (-8.0, 2.0), "correlation": (-5.0, 5.0
 STEP = 1e-6  # of the hyper-parameters, for central differences of the closed-form roots
 
 
-def checked_kernel(kernel: str) -> Kernel:
-    """Check the name of a kernel."""
-    for name in get_args(Kernel):
-        if kernel == name:
-            return name
-    raise SysidError(f"the kernel must be one of {', '.join(get_args(Kernel))}; got {shown(kernel)}")
+def checked_kernel(name: str, value: str | None) -> Kernel | None:
+    """Check the option of an estimator that names a kernel, or None for no prior."""
+    return None if value is None else cast(Kernel, one_of(name, value, get_args(Kernel)))
 
 
 def kernel_root(kernel: Kernel, n: int, eta: FloatArray) -> FloatArray:

@@ -2,7 +2,8 @@
 
 import operator
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,6 +64,53 @@ def truth_value(name: str, value: Any) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise SysidError(f"{name} must be True or False, got {shown(value)}")
     return bool(value)
+
+
+def one_of(name: str, value: Any, choices: Sequence[str]) -> str:
+    """Check a choice by name; what is no text is refused before it is compared, which an array would not survive."""
+    if not isinstance(value, str) or value not in choices:
+        raise SysidError(f"{name} must be one of {', '.join(choices)}, got {shown(value)}")
+    return value
+
+
+def optional_text(name: str, value: Any) -> str | None:
+    """Check a text, or None where the argument is left out."""
+    if value is not None and not isinstance(value, str):
+        raise SysidError(f"{name} must be a text or None, got {shown(value)}")
+    return value
+
+
+def channel_names(side: str, value: Any) -> tuple[str, ...]:
+    """Check the names of the channels of a side, "inputs" or "outputs"; one alone may stand without a list."""
+    if not isinstance(value, Iterable):
+        raise SysidError(f"expected {side} by name, got {shown(value)}")
+    names = (value,) if isinstance(value, str) else tuple(value)
+    for name in names:
+        if not isinstance(name, str):
+            raise SysidError(f"expected {side} by name, got {shown(name)}")
+    return names
+
+
+def function(name: str, value: Any, expected: str) -> Callable[..., Any]:
+    """Check that a value can be called; `expected` completes the message "NAME must be a function ..."."""
+    if not callable(value):
+        raise SysidError(f"{name} must be a function {expected}, got {shown(value)}")
+    return value
+
+
+def file_path(value: Any) -> Path:
+    """Check the path of a file, a text or a `Path`."""
+    if not isinstance(value, str | Path) or "\0" in str(value):
+        raise SysidError(f"expected the path of a file, got {shown(value)}")
+    return Path(value)
+
+
+def frequency_list(f_hz: ArrayLike) -> FloatArray:
+    """Check frequencies in Hz, one or a list of them, and return them as an array (nf,)."""
+    frequencies = np.atleast_1d(real_array("f_hz", f_hz))
+    if frequencies.ndim != 1:
+        raise SysidError(f"f_hz: expected a list of frequencies, got an array of shape {frequencies.shape}")
+    return frequencies
 
 
 def window_values(window: Callable[[int], Any], length: int) -> FloatArray:

@@ -38,7 +38,9 @@ def channel_indices(what: str, channels: Sequence[int | str] | None, names: tupl
     if channels is None:
         return list(range(len(available)))
     out: list[int] = []
-    single = isinstance(channels, str) or not isinstance(channels, Iterable) or not np.ndim(channels)
+    # an array of no dimension has no items
+    without_items = isinstance(channels, np.ndarray) and not channels.ndim
+    single = isinstance(channels, str) or not isinstance(channels, Iterable) or without_items
     for item in (channels,) if single else channels:
         if isinstance(item, str) and item in available:
             out.append(available.index(item))

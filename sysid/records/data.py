@@ -7,7 +7,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sysid.records.arguments import real_number, sampling_interval, shortened, truth_value, whole_number
+from sysid.records.arguments import one_of, real_number, sampling_interval, shortened, truth_value, whole_number
 from sysid.records.arrays import LINE, FloatArray, Locked, lock, real_array, rectangular
 from sysid.records.channels import channel_indices, channel_labels, default_names, matching_channels
 from sysid.records.errors import Message, SysidError
@@ -76,8 +76,7 @@ class IOData(Labelled, Locked):
         if len(u) != len(y):
             raise SysidError(f"u and y must be equally long: u has {len(u)} samples, y has {len(y)}")
         dt = sampling_interval(self.dt)
-        if self.intersample not in ("zoh", "foh", "bl"):
-            raise SysidError(f"intersample must be one of zoh, foh, bl; got {self.intersample!r}")
+        one_of("intersample", self.intersample, ("zoh", "foh", "bl"))
         window = whole_number("window", self.window, 0)
         if window >= len(u):
             raise SysidError(f"window of {self.window} samples leaves nothing of a record of {len(u)}")

@@ -1,5 +1,6 @@
 """Filtering and resampling of records: inputs and outputs pass the same filter, so their relation stays."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -92,6 +93,9 @@ def _refuse_gaps(data: IOData, operation: str = "filtered") -> None:
         raise SysidError(f"a record with missing samples cannot be {operation}: take data.complete_parts() one by one")
 
 
+LARGEST_FACTOR = 10**7  # of a change of rate: the filter has twenty times as many coefficients
+
+
 def resample(data: IOData, up: int, down: int = 1) -> IOData:
     """Resample to `up / down` times the rate by a zero-phase polyphase filter.
 
@@ -111,10 +115,10 @@ def resample(data: IOData, up: int, down: int = 1) -> IOData:
     Raises:
         SysidError: up or down below 1, missing samples, or fewer than two resulting samples.
     """
-    up, down = whole_number("up", up, 1), whole_number("down", down, 1)
+    up, down = whole_number("up", up, 1, LARGEST_FACTOR), whole_number("down", down, 1, LARGEST_FACTOR)
     data = as_record(data)
     _refuse_gaps(data, "resampled")
-    divisor = int(np.gcd(up, down))
+    divisor = math.gcd(up, down)
     up, down = up // divisor, down // divisor
     if up == down:
         return data

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sysid.records.arguments import channel_names, truth_value
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.importers import Choice, records_of
@@ -95,6 +96,7 @@ def from_xarray(
 
     if not isinstance(dataset, xarray.Dataset):
         raise SysidError(f"expected an xarray Dataset, got {type(dataset).__name__}")
+    missing = truth_value("missing", missing)
     u, y = _chosen(dataset, "input", inputs), _chosen(dataset, "output", outputs)
     arrays: dict[str, Any] = {}
     for name, array in dataset.items():
@@ -144,7 +146,7 @@ def _offsets(arrays: Mapping[str, Any], names: Sequence[str]) -> list[float]:
 
 def _chosen(dataset: "xarray.Dataset", role: str, names: Sequence[str] | None) -> tuple[str, ...]:
     if names is not None:
-        return (names,) if isinstance(names, str) else tuple(names)
+        return tuple(channel_names(f"{role}s", names))
     chosen = tuple(str(name) for name, array in dataset.items() if array.attrs.get("role") == role)
     if not chosen and role == "output":
         raise SysidError(f"no column is marked as output: expected outputs=[...] of {', '.join(map(str, dataset))}")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sysid.records.arguments import real_number, shown
+from sysid.records.arguments import channel_names, optional_text, real_number, shown
 from sysid.records.arrays import FloatArray
 from sysid.records.channels import default_names, listed
 from sysid.records.data import IOData
@@ -39,18 +39,13 @@ class Choice:
 
     def __post_init__(self) -> None:
         for side in ("inputs", "outputs"):
-            names = getattr(self, side)
-            if not isinstance(names, Iterable):
-                raise SysidError(f"expected {side} by name, got {shown(names)}")
-            several = (names,) if isinstance(names, str) else tuple(names)
-            object.__setattr__(self, side, several)
+            object.__setattr__(self, side, channel_names(side, getattr(self, side)))
         if not self.outputs:
             raise SysidError("no output named, expected one or more")
-        for name in self.channels:
-            if not isinstance(name, str):
-                raise SysidError(f"expected inputs and outputs by name, got {shown(name)}")
         if len(set(self.channels)) != len(self.channels):
             raise SysidError(f"expected different columns, got {listed(self.channels)}")
+        optional_text("time", self.time)
+        optional_text("time_unit", self.time_unit)
         if self.dt is not None:
             real_number("dt", self.dt, "be above 0 s", lambda dt: 0.0 < dt < np.inf)
 

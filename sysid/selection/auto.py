@@ -1,7 +1,7 @@
 """Choice of delay, structure and orders from the data alone."""
 
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from sysid.frequency.delayest import delayest
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
-from sysid.records.arguments import whole_number
+from sysid.records.arguments import shown, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
@@ -104,9 +104,14 @@ def auto(
     """
     experiments = as_experiments(data, missing=True)
     validation_data = () if validation is None else as_experiments(validation, missing=True)
-    largest, longest = whole_number("largest", largest, 1), whole_number("longest", longest, 100)
-    names = tuple(ORDERS) if methods is None else tuple(methods)
-    if not names or not set(names) <= set(ORDERS):
+    # no record determines more orders than it has samples
+    largest = whole_number("largest", largest, 1, max(map(len, experiments)))
+    longest = whole_number("longest", longest, 100)
+    names = tuple(ORDERS) if methods is None else methods
+    if not isinstance(names, Iterable):
+        raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {shown(names)}")
+    names = tuple(names)
+    if not names or not all(isinstance(name, str) and name in ORDERS for name in names):
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
     search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names)
     delays, p = tuple[int, ...](), _feedback_p(experiments)

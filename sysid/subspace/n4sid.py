@@ -12,7 +12,7 @@ from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.gram_matrices import hankel_moments, hankel_triangle
 from sysid.polynomial.stability_limit import STABILITY_MARGIN
-from sysid.records.arguments import shown, truth_value, whole_number
+from sysid.records.arguments import one_of, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import Message, SysidError, warn_each
@@ -261,7 +261,7 @@ def n4sid(
     nu, ny = experiments[0].nu, experiments[0].ny
     order = whole_number("order", order, 1, LARGEST_ORDER)
     direct, gain, stable = truth_value("direct", direct), truth_value("gain", gain), truth_value("stable", stable)
-    _check_weighting(weighting)
+    one_of("weighting", weighting, get_args(Weighting))
     check_gain(nu, gain)
     fewest, longest = _block_row_limits(experiments, order)
     default = min(max(10, -(-5 * order // 2)), longest)
@@ -299,12 +299,6 @@ def n4sid(
         predictor = _with_gain(fitted, step.gain(), messages) if gain else fitted
     warn_each(messages)
     return _make_estimate(experiments, int(order), scales, step, predictor, direct, moved, messages)
-
-
-def _check_weighting(weighting: str) -> None:
-    """Refuse a name that is none of the weightings of `n4sid`."""
-    if weighting not in get_args(Weighting):
-        raise SysidError(f"weighting must be one of {', '.join(get_args(Weighting))}, got {shown(weighting)}")
 
 
 def _block_row_limits(experiments: Sequence[IOData], order: int) -> tuple[int, int]:

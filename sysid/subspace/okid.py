@@ -14,7 +14,7 @@ from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import LeastSquares
-from sysid.records.arguments import whole_number
+from sysid.records.arguments import function, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import Message, SysidError, SysidWarning, warn_each
@@ -193,6 +193,9 @@ def okid(
     """
     experiments = as_experiments(data, missing=True)
     nu, ny = experiments[0].nu, experiments[0].ny
+    flags = {"normalise": normalise, "direct": direct, "at_rest": at_rest, "deadbeat": deadbeat}
+    normalise, direct, at_rest, deadbeat = (truth_value(name, value) for name, value in flags.items())
+    function("realiser", realiser, "such as era or era_dc")
     order, p = whole_number("order", order, 1), whole_number("p", p, 1)
     if p * ny < order:
         raise SysidError(f"p * ny must be at least the order {order}: got p = {p} with {ny} output(s)")

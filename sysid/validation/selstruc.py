@@ -152,7 +152,7 @@ def _choices(name: str, value: Any) -> list[Any]:
 
 def _per_input(order: int | tuple[int, ...], nu: int) -> tuple[int, ...]:
     """An order for each input, from one for all or one for each."""
-    return (order,) * nu if isinstance(order, int | np.integer) else tuple(order)
+    return tuple(order) if isinstance(order, Iterable) else (whole_number("order", order, 0),) * nu
 
 
 def _union(candidates: Sequence[Orders]) -> Orders:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sysid.models.estimate import Estimate, mean_square
 from sysid.models.polynomials import Polynomials
 from sysid.models.predict import predict
+from sysid.records.arguments import function, shown
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
@@ -227,6 +228,8 @@ def structure_scan(
 
 def _checked_candidates(names: Sequence[str], candidates: Iterable[Candidate]) -> list[Candidate]:
     """Candidates with one order for each name."""
+    if not isinstance(candidates, Iterable):
+        raise SysidError(f"expected candidates, a tuple of orders each, got {shown(candidates)}")
     checked = []
     for orders in candidates:
         if not isinstance(orders, Sequence) or len(orders) != len(names):
@@ -365,7 +368,14 @@ def _nested(names: Sequence[str], small: Candidate, large: Candidate) -> bool:
 
 def _checked_signature(estimator: Callable[..., Estimate], names: Sequence[str]) -> inspect.Signature:
     """Signature of the estimator; refuses names that are no keywords of it, or that leave out an order."""
-    signature = inspect.signature(estimator)
+    function("estimator", estimator, "such as arx")
+    is_list = isinstance(names, Sequence | np.ndarray) and not isinstance(names, str)
+    if not is_list or not all(isinstance(name, str) for name in names):
+        raise SysidError(f"names: expected the names of orders as texts, such as ('na', 'nb'), got {shown(names)}")
+    try:
+        signature = inspect.signature(estimator)
+    except ValueError as error:
+        raise SysidError(f"estimator: {shown(estimator)} has no named parameters, expected one such as arx") from error
     if len(set(names)) != len(names):
         raise SysidError(f"the names of orders must differ, got {', '.join(names)}")
     try:

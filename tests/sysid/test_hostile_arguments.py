@@ -1,3 +1,4 @@
+import inspect
 import warnings
 
 import numpy as np
@@ -110,3 +111,78 @@ def test_parameters_that_are_collinear_do_not_widen_the_response(seed):
         model = sysid.tfest(sysid.etfe(record, smoothing=10), 2, 1, delay=None)
     deviations = model.frequency_response(np.linspace(0.1, 4.0, 9)).magnitude_deviation()
     assert deviations.max() < 0.1
+
+
+SERIES = IOData(None, RECORD.y, RECORD.dt)
+CALLS = {
+    "ar": (SERIES, 1),
+    "arma": (SERIES, 1, 1),
+    "armax": (RECORD, 1, 1, 1),
+    "arx": (RECORD, 1, 1),
+    "balred": (PILOT, 1),
+    "bj": (RECORD, 1, 1, 1, 1),
+    "d2c": (PILOT,),
+    "findstates": (PILOT, RECORD),
+    "idinput": (20,),
+    "impulseest": (RECORD, 5),
+    "n4sid": (RECORD, 1),
+    "oe": (RECORD, 1, 1),
+    "okid": (RECORD, 1),
+    "pbsid": (RECORD, 1),
+    "pem_ss": (RECORD, 1),
+    "polyest": (RECORD, 1, 1, 1, 0, 0),
+    "procest": (RECORD, "P1"),
+    "tfest": (RECORD, 1),
+    "vector_fit": (of_data(), 2),
+}
+"""Functions with options that are Boolean or a choice by name, and arguments before them."""
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_options_that_are_flags_or_choices_refuse_everything_else(name):
+    call = getattr(sysid, name)
+    required = {"p": 2} if name == "okid" else {}
+    for option, parameter in inspect.signature(call).parameters.items():
+        is_choice = "Literal" in str(parameter.annotation) or isinstance(parameter.default, bool | str)
+        if is_choice:
+            for wrong in (np.array([1, 1]), np.array(["a", "b"]), [1, 1], {"a": 1}, np.nan, 10**400, RAGGED):
+                refused(f"{option} must ", call, *CALLS[name], **required, **{option: wrong})
+
+
+@pytest.mark.parametrize(
+    ("message", "call"),
+    [
+        ("time must be a text or None", lambda: sysid.read_csv(__file__, time=np.array([1, 1]))),
+        ("time_unit must be a text or None", lambda: sysid.read_csv(__file__, time_unit=["s"])),
+        ("outputs by name", lambda: sysid.read_csv(__file__, outputs=[["y"]])),
+        ("outputs by name", lambda: sysid.from_dataframe(RECORD.to_dataframe(), outputs=5)),
+        ("missing must", lambda: sysid.from_dataframe(RECORD.to_dataframe(), missing=np.array([1, 1]))),
+        ("intersample must", lambda: IOData(RECORD.u, RECORD.y, 0.1, intersample=np.array(["zoh", "foh"]))),
+        ("no input", lambda: RECORD.select(inputs=RAGGED)),
+        ("path of a file", lambda: sysid.read_model(5)),
+        ("path of a file", lambda: sysid.write_model(PILOT, None)),
+        ("path of a file", lambda: sysid.to_matlab(PILOT, [1, 1])),
+        ("path of a file", lambda: sysid.read_model("a\0b.json")),
+        ("quantity must be a function", lambda: sysid.band(PILOT, [1, 1])),
+        ("quantity must give real numbers", lambda: sysid.band(PILOT, lambda model: model)),
+        ("lines: .*ragged", lambda: sysid.bla(RECORD, 100, lines=RAGGED)),
+        ("B: .*ragged", lambda: sysid.Polynomials(B=RAGGED)),
+        ("kept: .*list of indices", lambda: of_data().select(0)),
+        ("f_hz: expected a list", lambda: PILOT.frequency_response(np.ones((3, 3)))),
+        ("methods: expected some", lambda: sysid.auto(RECORD, methods=5)),
+        ("methods: expected some", lambda: sysid.auto(RECORD, methods=RAGGED)),
+        ("largest must be", lambda: sysid.auto(RECORD, largest=10**9)),
+        ("estimator must be a function", lambda: sysid.structure_scan(5, RECORD, ("na",), [(1,)])),
+        ("has no named parameters", lambda: sysid.structure_scan(int, RECORD, ("na",), [(1,)])),
+        ("names of orders as texts", lambda: sysid.structure_scan(sysid.arx, RECORD, [1, 2], [(1, 1)])),
+        ("expected candidates", lambda: sysid.structure_scan(sysid.arx, RECORD, ("na", "nb"), 5)),
+        ("order must be", lambda: sysid.selstruc(RECORD, 1, np.array([1.5, 2.5]))),
+        ("input must be a whole number", lambda: sysid.zero_pole_gain(PILOT, input=[0])),
+        ("input must be a whole number", lambda: PILOT.model.channel("u", 0)),
+        ("n must be a whole number", lambda: PILOT.model.step_response(10**30)),
+        ("up must be a whole number", lambda: sysid.resample(RECORD, 10**400)),
+        ("whitening must be", lambda: sysid.delayest(RECORD, whitening=10**9)),
+    ],
+)
+def test_values_of_other_types_have_a_clear_message(message, call):
+    refused(message, call)

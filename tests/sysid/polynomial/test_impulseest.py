@@ -115,7 +115,7 @@ def test_regularised_arx():
 
 def test_refusals():
     data = second_order(samples=100)
-    refused("one of tc, dc, ss; got 'rbf'", sysid.impulseest, data, 20, kernel="rbf")
+    refused("kernel must be one of tc, dc, ss, got 'rbf'", sysid.impulseest, data, 20, kernel="rbf")
     refused("n must be", sysid.impulseest, data, 0)
     refused("reach back 199 samples", sysid.impulseest, data, 200)
     refused("too many orders", sysid.impulseest, data, 60, kernel=None)
