@@ -114,10 +114,20 @@ class WatchedProcess:
 
     def _forget_earlier_output(self) -> None:
         """Empty log and pipe: what came without a request answers nothing."""
-        os.truncate(self._log, 0)
+        self._empty_log()
         with contextlib.suppress(BlockingIOError):
             os.read(self._output, MOST_PRINTED)
         self._buffer.clear()
+
+    def _empty_log(self) -> None:
+        with contextlib.suppress(OSError):
+            os.truncate(self._log, 0)
+
+    def _logged(self) -> int:
+        """Bytes that the process has printed; 0 where it has removed the file."""
+        with contextlib.suppress(OSError):
+            return os.path.getsize(self._log)
+        return 0
 
     def _wait(self, words: Collection[str], begun: float, deadline: float, memory_bytes: float) -> tuple[str, str, int]:
         """Kind of the outcome, the answer, and the largest memory that was seen at regular looks."""
@@ -135,8 +145,8 @@ class WatchedProcess:
             if time_now >= deadline:
                 return "hang", "", peak
             if time_now >= next_look:
-                if os.path.getsize(self._log) > MOST_LOGGED:
-                    os.truncate(self._log, 0)
+                if self._logged() > MOST_LOGGED:
+                    self._empty_log()
                 self._find_descendants()
                 peak = max(peak, self._memory(memory_bytes))
                 if peak > memory_bytes:
@@ -151,9 +161,12 @@ class WatchedProcess:
 
     def printed(self) -> str:
         """End of the text that the estimator's process has printed since the last request."""
-        with self._log.open("rb") as file:
-            file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL))
-            return file.read().decode("utf-8", "replace")
+        try:
+            with self._log.open("rb") as file:
+                file.seek(max(0, os.fstat(file.fileno()).st_size - TAIL))
+                return file.read().decode("utf-8", "replace")
+        except OSError:  # the estimator may have removed the folder, or put anything there
+            return ""
 
     def limit_data(self, beyond: int) -> None:
         """Let the process allocate so many bytes beyond what it has: what goes beyond raises MemoryError in Python."""

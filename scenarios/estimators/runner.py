@@ -160,10 +160,7 @@ class EstimatorProcess:
                 seconds = seconds_with_children
         if word != "done":
             return replace(reply, kind=word, why=why, seconds=seconds)
-        # A program that stays may report its own processor time behind the word.
-        with suppress(ValueError):
-            seconds = float(why)
-        return replace(reply, kind=MODEL, why="", seconds=seconds)
+        return replace(reply, kind=MODEL, why="", seconds=_reported_seconds(why, seconds))
 
     def _reason_of_end(self, reply: EstimatorOutcome, code: int, process: WatchedProcess) -> tuple[str, str]:
         """Word and reason where a process ended; one of `PROGRAM_WORDS` if a program started for this did by itself."""
@@ -191,6 +188,9 @@ class EstimatorProcess:
             words = [word.replace(f"{{{name}}}", path) for word in words]
         target, log = self._estimator.target, self._folder / "printed"
         try:
+            if not self._estimator.program:
+                # The estimator may have removed its own folder.
+                self._working_folder.mkdir(parents=True, exist_ok=True)
             process = WatchedProcess(words, self._working_folder, log, talks=self._stays, environment=self._environment)
         except OSError as error:
             raise ScenarioError(f"cannot start {target!r}: {error.strerror}") from error
@@ -245,6 +245,15 @@ class EstimatorProcess:
             for spelling in (os.path.realpath(path), path):
                 reason = reason.replace(spelling, f"{{{name}}}")
         return one_line(reason)
+
+
+def _reported_seconds(text: str, measured: float) -> float:
+    """Processor time that a program that stays may report behind its word, s; the measured one where it is none."""
+    with suppress(ValueError):
+        reported = float(text)
+        if 0.0 <= reported < float("inf"):
+            return reported
+    return measured
 
 
 def _with_model(outcome: EstimatorOutcome, folder: Path, data: IOData, task: Task) -> EstimatorOutcome:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,7 +10,21 @@ import time
 from pathlib import Path
 
 GOOD = {"dt": 0.02, "num": [0.0, 0.2], "den": [1.0, -0.8]}
-KINDS = ("good", "refuses", "fails", "dies", "hangs", "nothing", "two", "damaged", "leaves", "twice", "fails")
+KINDS = (
+    "good",
+    "refuses",
+    "fails",
+    "dies",
+    "hangs",
+    "nothing",
+    "two",
+    "damaged",
+    "leaves",
+    "twice",
+    "claims",
+    "removes",
+    "fails",
+)
 
 
 def main(task: str, model: str) -> int:
@@ -25,6 +40,9 @@ def main(task: str, model: str) -> int:
     if kind == "hangs":
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         time.sleep(1000.0)
+    if kind == "removes":
+        shutil.rmtree(Path(model).parents[1])
+        return 0
     if kind == "nothing":
         return 0
     if kind == "damaged":
@@ -44,6 +62,9 @@ def stay() -> None:
         paths = json.loads(line)
         kind = KINDS[json.loads(Path(paths["task"]).read_text())["seed"]]
         code = main(paths["task"], paths["model"])
+        if kind == "claims":
+            print("done -5", flush=True)
+            continue
         print({0: "done", 77: "refused"}.get(code, "error"), "and so on\x1b[31m", flush=True)
         if kind == "twice":
             time.sleep(0.01)

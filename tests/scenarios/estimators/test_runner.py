@@ -41,6 +41,8 @@ PROGRAMS = {
     "damaged": ("malformed", "model.nc is not a NetCDF4 file, or a damaged one"),
     "leaves": ("model", ""),
     "twice": ("model", ""),
+    "claims": ("model", ""),
+    "removes": ("malformed", "no model file written"),
 }
 STAYS = {**PROGRAMS, "refuses": ("refused", "and so on"), "fails": ("error", "and so on")}
 OTHERS = ({"structure": "oe", "orders": {"nb": 1, "nf": 1, "nk": 1}}, {"orders": {}})
@@ -99,7 +101,7 @@ def test_programs(data, task, stays):
             kind, why = (STAYS if stays else PROGRAMS)[name]
             outcome = process.ask(data, replace(task, seed=number))
             assert (outcome.kind, why in outcome.why) == (kind, True), f"{name}: {vars(outcome)}"
-            assert outcome.why.isprintable()
+            assert outcome.why.isprintable() and outcome.seconds >= 0.0
             if stays and name == "twice":
                 # Its second answer does not answer the next request.
                 time.sleep(0.1)
@@ -116,6 +118,22 @@ def test_memory_of_a_program_is_limited_with_that_of_its_children(data, task):
         outcome = process.ask(data, task)
     assert (outcome.kind, outcome.why) == ("memory", "more than 128 MiB")
     assert outcome.peak_bytes > 2**27
+
+
+@pytest.mark.parametrize("text", ["", "-5", "nan", "inf", "1e400", "soon"])
+def test_a_processor_time_that_is_none_is_measured(text):
+    assert runner._reported_seconds(text, 0.5) == 0.5
+    assert runner._reported_seconds("0.0123", 0.5) == 0.0123
+
+
+def test_a_function_that_removes_its_folder_is_asked_again(data, task, tmp_path):
+    removes = "    shutil.rmtree(os.path.dirname(os.getcwd()))\n    os._exit(1)\n"
+    code = f"import os, shutil\ndef estimate(data, task):\n{removes}"
+    (tmp_path / "removes.py").write_text(code)
+    with EstimatorProcess(Estimator("removes", "removes.py:estimate", home=str(tmp_path)), Limits()) as process:
+        outcomes = [process.ask(data, task) for _ in range(2)]
+    assert [outcome.kind for outcome in outcomes] == ["crash", "crash"]
+    assert all("exit code 1" in outcome.why for outcome in outcomes)
 
 
 @pytest.mark.slow
