@@ -6,7 +6,7 @@ import numpy as np
 
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import sampling_interval
-from sysid.records.arrays import FloatArray, Locked, lock, real_array
+from sysid.records.arrays import FloatArray, Locked, lock, real_array, rectangular
 from sysid.records.errors import SysidError
 
 GRID = 120
@@ -51,6 +51,8 @@ class Controller(Locked):
 
     def __post_init__(self) -> None:
         """Check and lock."""
+        for name in ("A", "Dr"):
+            rectangular(name, getattr(self, name))
         n, m = len(np.atleast_2d(self.A)), len(np.atleast_2d(self.Dr))
         shapes: dict[str, tuple[int, ...]] = {"A": (n, n), "C": (m, n)}
         shapes |= {"Dr": (m, m), "Dy": (m, m), "Br": (n, m), "By": (n, m), "Bu": (n, m)}

@@ -22,6 +22,7 @@ from sysid.plots.panels import (
     size_of,
 )
 from sysid.plots.traces import Curve, Drawable, curves_of
+from sysid.records.arguments import number_pair, real_number, truth_value
 from sysid.records.arrays import FloatArray
 
 SIGNIFICANT = 2.0  # least magnitude of a response, in standard deviations, for its phase to be drawn
@@ -62,6 +63,11 @@ def bode(
     Raises:
         SysidError: Nothing to draw, something without a response, responses with different channels.
     """
+    relative_to_dc = truth_value("relative_to_dc", relative_to_dc)
+    if phase_limits is not None:
+        phase_limits = number_pair("phase_limits", phase_limits, "the lowest and the highest phase, degrees")
+    if mark_hz is not None:
+        mark_hz = real_number("mark_hz", mark_hz, "be a frequency in Hz", lambda f: bool(np.isfinite(f)))
     drawn = curves_of(curves, frequencies)
     outputs, inputs = _channels(drawn)
     rows, columns = channel_indices("output", output, outputs), channel_indices("input", input, inputs)

@@ -12,6 +12,7 @@ from sysid.models.state_space import StateSpace
 from sysid.plots.palette import BOUND, PALETTE, Style
 from sysid.plots.panels import finish, panels
 from sysid.plots.traces import StyleChooser, named_items
+from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 from sysid.subspace.era import Realisation
@@ -47,6 +48,7 @@ def singular_values(
     Raises:
         SysidError: Nothing to draw, another type, a model that is not stable.
     """
+    limit = whole_number("limit", limit, 1)
     styles = StyleChooser()
     figure, grid = panels(1, 1, size)
     axes = grid[0, 0]

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from numpy.typing import ArrayLike, NDArray
 
 from sysid.plots.palette import GRID, INK, Style
-from sysid.records.arrays import FloatArray
+from sysid.records.arguments import number_pair, real_number
+from sysid.records.arrays import FloatArray, real_array
 from sysid.records.channels import default_names
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -34,6 +35,9 @@ def panels(
     ratios: Sequence[float] | None = None,
 ) -> tuple[Figure, Panels]:
     """A figure without window, and its empty panels."""
+    size = number_pair("size", size, "the width and height of the figure, inch")
+    if min(size) <= 0.0:
+        raise SysidError(f"size must be the width and height of the figure above 0 inch, got {size}")
     # Only a constrained layout makes room for a legend outside of the panels.
     figure = Figure(figsize=size, layout="constrained")
     # the stubs of matplotlib have an overload for each of True, False and "col"
@@ -133,6 +137,8 @@ def fit_to_lines(axes: Axes, *, floor: float = -np.inf) -> None:
 
 def frequency_axes(grid: Panels, limits_hz: tuple[float, float] | None) -> None:
     """Logarithmic axes of frequency, with 0.1, 1, 10 instead of powers of ten."""
+    if limits_hz is not None:
+        limits_hz = number_pair("limits_hz", limits_hz, "the lowest and the highest frequency, Hz")
     for axes in grid.ravel():
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -142,7 +148,9 @@ def frequency_axes(grid: Panels, limits_hz: tuple[float, float] | None) -> None:
 
 def grid_of_frequencies(frequencies: ArrayLike | None, dt: float) -> FloatArray:
     """Frequencies of a model in a figure, Hz: the user's, else three decades up to Nyquist."""
-    return np.geomspace(5e-4 / dt, 0.5 / dt, 300) if frequencies is None else np.asarray(frequencies, dtype=float)
+    if frequencies is None:
+        return np.geomspace(5e-4 / dt, 0.5 / dt, 300)
+    return real_array("frequencies", frequencies)
 
 
 def check_same_channels(shapes: Sequence[tuple[str, tuple[int, ...]]]) -> None:
@@ -154,6 +162,9 @@ def check_same_channels(shapes: Sequence[tuple[str, tuple[int, ...]]]) -> None:
 
 def piece_of(data: IOData, start: float, length: float | None) -> slice:
     """Samples of a record from `start` s on, for `length` s or to its end."""
+    start = real_number("start", start, "be a time in s", lambda time: bool(np.isfinite(time)))
+    if length is not None:
+        length = real_number("length", length, "be a time in s", lambda time: bool(np.isfinite(time)))
     # Two samples at least: a single one makes no line.
     first = min(round(start / data.dt), max(len(data) - 2, 0))
     if length is None:

@@ -22,6 +22,7 @@ from sysid.plots.panels import (
     size_of,
 )
 from sysid.plots.traces import StyleChooser, Trace, named_items
+from sysid.records.arguments import optional_text
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
@@ -60,8 +61,9 @@ def spectra(
     Raises:
         SysidError: Nothing to draw, or something that has no spectrum.
     """
+    unit = optional_text("unit", unit) or ""
     if traces is not None:
-        figure, grid = panels(1, 1, size or (7.0, 3.6))
+        figure, grid = panels(1, 1, (7.0, 3.6) if size is None else size)
         f = np.asarray(responses, dtype=float)
         # A logarithmic axis has no 0 Hz.
         keep = f > 0.0

@@ -14,6 +14,7 @@ from sysid.models.predict import chosen_model
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import DISTORTION, NOISE, PALETTE, Style
 from sysid.plots.panels import grid_of_frequencies
+from sysid.records.arguments import truth_value
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.channels import matching_channels
 from sysid.records.errors import SysidError
@@ -113,6 +114,7 @@ def curves_of(
 
 def roots_of(items: "Rooted | Sequence[Rooted] | Mapping[str, Rooted]", *, regions: bool = True) -> list[Roots]:
     """Poles and zeros of models and estimates; a `Roots` is unchanged."""
+    regions = truth_value("regions", regions)
     styles = StyleChooser()
     roots = []
     for name, item in named_items(items, (Roots, Estimate, StateSpace)):

@@ -25,8 +25,8 @@ from sysid.plots.panels import (
     size_of,
 )
 from sysid.plots.traces import StyleChooser, named_items
+from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray
-from sysid.records.errors import SysidError
 from sysid.records.printing import AT_ZERO
 
 Responding = Estimate | StateSpace | ImpulseResponse
@@ -109,8 +109,8 @@ def step(
 def _responses(
     models: Responding | Sequence[Responding] | Mapping[str, Responding], length: float | None, *, step: bool
 ) -> list[_Response]:
-    if length is not None and not 0.0 < length < np.inf:
-        raise SysidError(f"length must be above 0 s, got {length!r}")
+    if length is not None:
+        length = real_number("length", length, "be above 0 s", lambda time: 0.0 < time < np.inf)
     styles = StyleChooser()
     pairs = list(named_items(models, (Estimate, StateSpace, ImpulseResponse)))
     reach = length if length is not None else max(_settling(item) for _, item in pairs)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.records.arrays import FloatArray, real_array
+from sysid.records.arrays import FloatArray, real_array, rectangular
 from sysid.records.errors import SysidError, SysidWarning
 
 LONGEST = 80  # longest quotation of a wrong value, in characters
@@ -37,6 +37,14 @@ def real_number(name: str, value: Any, expected: str, allowed: Callable[[float],
     if np.isnan(number) or not allowed(number):
         raise SysidError(f"{name} must {expected}, got {shown(value)}")
     return number
+
+
+def number_pair(name: str, value: Any, expected: str) -> tuple[float, float]:
+    """Check two finite numbers; `expected` completes the message "NAME must be ..."."""
+    numbers = rectangular(name, value)
+    if numbers.shape != (2,) or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():
+        raise SysidError(f"{name} must be {expected}, got {shown(value)}")
+    return float(numbers[0]), float(numbers[1])
 
 
 def sampling_interval(value: Any, *, continuous: bool = False) -> float:

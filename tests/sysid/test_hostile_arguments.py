@@ -186,3 +186,26 @@ def test_options_that_are_flags_or_choices_refuse_everything_else(name):
 )
 def test_values_of_other_types_have_a_clear_message(message, call):
     refused(message, call)
+
+
+@pytest.mark.parametrize(
+    ("message", "call"),
+    [
+        ("size must be", lambda: sysid.plots.bode(PILOT, size=5.0)),
+        ("size must be", lambda: sysid.plots.record(RECORD, size=(0.0, 1.0))),
+        ("relative_to_dc must be", lambda: sysid.plots.bode(PILOT, relative_to_dc=np.array([1, 1]))),
+        ("phase_limits must be", lambda: sysid.plots.bode(PILOT, phase_limits=np.nan)),
+        ("phase_limits: .*ragged", lambda: sysid.plots.bode(PILOT, phase_limits=RAGGED)),
+        ("mark_hz must be", lambda: sysid.plots.bode(PILOT, mark_hz={"a": 1})),
+        ("limits_hz must be", lambda: sysid.plots.bode(PILOT, limits_hz={"a": 1})),
+        ("frequencies: .*ragged", lambda: sysid.plots.spectra(PILOT, frequencies=RAGGED)),
+        ("length must be", lambda: sysid.plots.step(PILOT, length=[1, 1])),
+        ("start must be", lambda: sysid.plots.record(RECORD, start=np.nan)),
+        ("length must be", lambda: sysid.plots.record(RECORD, length=np.array([1, 1]))),
+        ("regions must be", lambda: sysid.plots.pzmap(PILOT, regions=np.array([1, 1]))),
+        ("limit must be", lambda: sysid.plots.singular_values(PILOT, limit=[1, 1])),
+    ],
+)
+def test_figures_refuse_sizes_and_limits_of_other_types(message, call):
+    pytest.importorskip("matplotlib")
+    refused(message, call)
