@@ -169,6 +169,9 @@ def constrained_step(
     size = excess.max()
     dual_columns = np.vstack((normals.T, excess / size))
     dual_target = np.append(np.zeros(len(values)), 1.0)
+    if not np.isfinite(dual_columns).all():
+        # division by a pair overflows at orders of hundreds: the caller moves poles beyond the limit back
+        return free
     try:
         forces, _ = scipy.optimize.nnls(dual_columns, dual_target)
     except RuntimeError:

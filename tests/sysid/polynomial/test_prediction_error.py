@@ -9,6 +9,7 @@ from sysid.polynomial.gram_matrices import lagged_solution
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.prediction_error import InitialEstimate, admissible, linearise, minimise, search
+from sysid.polynomial.stability_limit import constrained_step
 from tests.refusals import refused
 from tests.sysid.systems import A, B, second_order
 
@@ -177,3 +178,11 @@ def test_regressors_that_overflow_are_refused(largest):
         refused("the regressors overflow", solve, rows, np.ones((3, 1)))
         products = np.full((2, 2, 2, 2), largest**2)
         refused("the regressors overflow", lagged_solution, products, [range(1), range(1)], [1.0, 0.0])
+
+
+@pytest.mark.parametrize("slope", [np.inf, np.nan])
+def test_a_limit_whose_slope_overflows_leaves_the_step_free(slope):
+    rows = np.array([[1.0, 0.0], [0.0, slope]])
+    with np.errstate(all="ignore"):
+        step = constrained_step(np.ones(2), np.array([2.0, 1.0]), rows, np.array([1.0, 1.0]))
+    np.testing.assert_array_equal(step, [2.0, 1.0])
