@@ -180,9 +180,8 @@ def test_regressors_that_overflow_are_refused(largest):
         refused("the regressors overflow", lagged_solution, products, [range(1), range(1)], [1.0, 0.0])
 
 
-@pytest.mark.parametrize("slope", [np.inf, np.nan])
-def test_a_limit_whose_slope_overflows_leaves_the_step_free(slope):
-    rows = np.array([[1.0, 0.0], [0.0, slope]])
+def test_a_limit_whose_slope_overflows_leaves_the_step_free():
+    rows = np.array([[1.0, 0.0], [0.0, np.inf]])
     with np.errstate(all="ignore"):
         step = constrained_step(np.ones(2), np.array([2.0, 1.0]), rows, np.array([1.0, 1.0]))
     np.testing.assert_array_equal(step, [2.0, 1.0])
