@@ -192,7 +192,7 @@ class Arm:
         return data
 
     def _check_load(self, angles: np.ndarray) -> None:
-        """Raise `OverloadError` for a pose (7,), rad, whose weight takes all torque of a drive; pins need none."""
+        """Raise `OverloadError` if a drive that no pin relieves cannot hold the arm at a pose (7,), rad."""
         needed = np.abs(self.weight(angles))
         # The leakage of servo valves at rest is known only after their balance is solved.
         valves = self.plant.actuator == "orifice"

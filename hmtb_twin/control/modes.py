@@ -49,7 +49,7 @@ class SingleJoint:
         self._lower, self._upper, self._dt = lower, upper, dt
 
     def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Advance one tick.
+        """Compute the joint command of the next tick from the stick deflection.
 
         Args:
             deflection: Offsets in rad, or velocities in rad/s, of the joints that move (n,).
@@ -72,7 +72,7 @@ class SingleJoint:
         return np.array(command), flags
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Continue from measured angles without a jump: this deflection now means the present arm; see `Mode`."""
+        """Restart the command at measured angles: the present deflection then stands for them; see `Mode`."""
         self._command = np.clip(angles, self._lower, self._upper).tolist()
         self._reference = self._command.copy()
         if self._dt is None:
@@ -117,7 +117,7 @@ class Cartesian:
         self._position, self._rotation = controller.tool_pose(self._command)
 
     def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Advance one tick.
+        """Compute the joint command of the next tick from the stick deflection in the tool frame.
 
         Args:
             deflection: Offsets in m and rad, or velocities in m/s and rad/s, of the directions that move (n,).
@@ -144,7 +144,7 @@ class Cartesian:
         return self._command.copy(), Status(status)
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Continue from measured angles without a jump: this deflection now means the present tool pose; see `Mode`."""
+        """Restart the command at measured angles: the present deflection then stands for the tool pose there."""
         self._command = np.clip(angles, self._lower, self._upper)
         self._position, self._rotation = self._controller.tool_pose(self._command)
         if self._dt is None:
@@ -169,11 +169,11 @@ class Mode(Protocol):
     """A control mode; it keeps the last command."""
 
     def step(self, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Return the next command (7,), rad, and its limits, from deflections (n_axes,) in SI units."""
+        """Return the next joint command (7,), rad, and its limits, from stick deflections (n_axes,) in SI units."""
         ...
 
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
-        """Continue from measured angles (7,), rad, without a jump; return the command (7,), rad, and its limits."""
+        """Restart the command at measured angles (7,), rad, so that the arm does not jump; return as `step` does."""
         ...
 
 

@@ -217,7 +217,10 @@ class ResolvedRate:
                     break
                 halvings, share = halvings + 1, 0.5 * share
             if path is None:
-                path = _line(start, centre, orientation) if held else self._turn(previous, position, rotation)
+                if held:
+                    path = _straight_line(start, centre, orientation)
+                else:
+                    path = self._line_with_turn(previous, position, rotation)
             centre, orientation = path(share)
             start = kinematics.posture(yaw, shoulder, elbow, centre, orientation, wrist)
         if held:
@@ -344,8 +347,8 @@ class ResolvedRate:
                 angles[joint] = min(max(angle, min(low, before)), max(high, before))
         return np.array(angles)
 
-    def _turn(self, previous: list[float], position: list[float], rotation: Rotation) -> Path:
-        """Return the straight line and the shortest turn from the command's tool pose to the wanted one."""
+    def _line_with_turn(self, previous: list[float], position: list[float], rotation: Rotation) -> Path:
+        """Return the tool's path to a wanted pose: on a straight line, with the shortest turn of its orientation."""
         start_position, start_rotation = self._controller.tool_pose(np.array(previous))
         way, turn = np.array(position) - start_position, pin.log3(start_rotation.T @ np.array(rotation))
 
@@ -356,8 +359,8 @@ class ResolvedRate:
         return path
 
 
-def _line(start: Posture, centre: Vector, orientation: Rotation) -> Path:
-    """Return the straight line from a posture's wrist centre to the wanted one, the rotation held."""
+def _straight_line(start: Posture, centre: Vector, orientation: Rotation) -> Path:
+    """Return the path of the wrist centre on a straight line to its target, the tool's orientation held."""
     along, across, up = start.error
     c, s = cos(start.yaw), sin(start.yaw)
     x, y, z = centre

@@ -225,16 +225,17 @@ def _dimensions(name: str, content: Mapping[str, Any]) -> tuple[str, ...]:
 
 def _attributes(content: Mapping[str, Any]) -> dict[str, Attribute]:
     """Attributes that users wrote, without those of the format itself."""
-    return {key: _plain(value) for key, value in content["attributes"].items() if key not in BOOKKEEPING}
+    return {key: _python_value(value) for key, value in content["attributes"].items() if key not in BOOKKEEPING}
 
 
 def _text(value: object) -> str:
     return value.decode() if isinstance(value, bytes) else str(value)
 
 
-def _plain(value: object) -> Attribute:
+def _python_value(value: object) -> Attribute:
+    """Attribute as a number or text of Python; an array of several numbers stays one."""
     if isinstance(value, np.ndarray):
-        return _plain(value.ravel()[0]) if value.size == 1 else value
+        return _python_value(value.ravel()[0]) if value.size == 1 else value
     if isinstance(value, np.integer):
         return int(value)
     return float(value) if isinstance(value, float | np.floating) else _text(value)

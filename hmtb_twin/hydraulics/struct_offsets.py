@@ -75,7 +75,10 @@ def declared_offsets(struct: str, arrays: tuple[str, ...]) -> dict[str, int]:
         layout = _layout(STRUCTS[struct])
         return {name: getattr(layout, name).offset for name in arrays}
     except (KeyError, AttributeError) as error:
-        raise TwinError(f"{_mujoco_version()} declares its {struct} in an unknown way ({error}); {_REMEDY}") from error
+        raise TwinError(
+            f"{_mujoco_version()} does not declare its {struct} as expected: a structure, field or type is unknown "
+            f"({error}); {_REMEDY}"
+        ) from error
 
 
 def _layout(struct: StructDecl | AnonymousStructDecl) -> type[ctypes.Structure]:

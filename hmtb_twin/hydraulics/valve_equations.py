@@ -111,7 +111,7 @@ def check_flow(p: np.ndarray, pressure: float) -> float:
 def servo_flow(
     p: np.ndarray, standing: float, position: float, feedforward: float, load: float, filtered: float, velocity: float
 ) -> float:
-    """Flow that a servo asks for: to move the joint, to reach the wanted load pressure and to cover what that takes.
+    """Flow that a joint's servo demands of its valve, by position control, feedforward and pressure feedback.
 
     F u/D + S f/D + G ((u + f)/D - P) + c D w - G' (P - P_filtered), with the position torque u and the feedforward f,
     the flow S that a standing load takes per pressure, and c the part of the load flow that is compensated. The last
@@ -132,10 +132,10 @@ def spool_command(p: np.ndarray, flow: float) -> float:
 
 @register_jitable
 def bristle_rate(p: np.ndarray, bristles: float, velocity: float) -> float:
-    """Rate of the bristles' deflection, rad/s [Canudas1995]; they settle no faster than at the rate `BRISTLE_RATE`.
+    """Rate of the bristle deflection in the LuGre model of seal friction, rad/s [Canudas1995].
 
-    The bound is far above the bandwidth of anything else: it spares the integrator the bristles of a fast joint, whose
-    force is that of Stribeck's curve either way.
+    The bristles settle no faster than at the rate `BRISTLE_RATE`. This bound is far above the bandwidth of anything
+    else: it spares the integrator the bristles of a fast joint, whose force is that of Stribeck's curve either way.
     """
     if p[BRISTLE] == 0.0:
         return -p[BRISTLE_RATE] * bristles

@@ -5,9 +5,9 @@ from numbers import Real
 
 
 def real_number(value: object) -> float:
-    """Return a real number as a float, or nan, which fails every range check.
+    """Convert a real number to a float, and anything else to nan, which fails every range check.
 
-    Nan stands for a value that is no real number, a bool, or a number too large for a float.
+    A bool or a number too large for a float becomes nan too.
     """
     # bool is a subclass of int, so True would pass as 1.
     if not isinstance(value, Real) or isinstance(value, bool):

@@ -28,7 +28,7 @@ AT_INDEX = 1e-9
 
 
 def check_range(angles: np.ndarray, indexed: Sequence[str]) -> None:
-    """Raise `TwinError` for angles (7,), rad, with a joint at its stop or an indexed joint off its pin."""
+    """Refuse a pose (7,), rad, that cannot be linearised: a joint at its stop, or an indexed joint off its pin."""
     for name, angle in zip(JOINTS, angles, strict=True):
         message = f"pose: {name} = {np.degrees(angle):g} deg given, expected"
         if name in indexed:

@@ -122,4 +122,4 @@ def check_truth(log: JointLog, arm: Arm, truth: Truth) -> None:
     if not np.allclose(truth.angles, arm.pose(pose), rtol=0.0, atol=1e-9):
         differences.append(f"pose = {truth.pose}, not {pose}")
     if differences:
-        raise TwinError(f"{log.name}: a truth given of {'; '.join(differences)}; expected that of the log's own arm")
+        raise TwinError(f"{log.name}: the truth has other settings than the log: {'; '.join(differences)}")

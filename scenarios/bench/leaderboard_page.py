@@ -66,11 +66,11 @@ def html(variables: dict[str, object]) -> str:
 
 def markdown(variables: dict[str, object]) -> str:
     """The Markdown page: tables and words, no drawings."""
-    return Page({"plain": _plain, "fenced": _fenced}).render("leaderboard.md.j2", variables)
+    return Page({"plain": _escaped, "fenced": _fenced}).render("leaderboard.md.j2", variables)
 
 
-def _plain(words: object) -> str:
-    """Text without the signs of Markdown, nor of HTML inside it."""
+def _escaped(words: object) -> str:
+    """Escape the signs of Markdown and HTML, so that a page shows the text as it is."""
     return re.sub(r"([\\`*_{}\[\]()#+!|~$])", r"\\\1", escape(str(words), quote=False))
 
 

@@ -71,7 +71,7 @@ class Measurement(Locked):
 
     def to_table(self) -> dict[str, Any]:
         """As a table of what JSON holds."""
-        return {name: _plain(value) for name, value in vars(self).items()}
+        return {name: _json_value(value) for name, value in vars(self).items()}
 
     @classmethod
     def from_table(cls, table: Mapping[str, Any]) -> "Measurement":
@@ -83,7 +83,8 @@ class Measurement(Locked):
 Measurements = Sequence[Measurement]
 
 
-def _plain(value: Any) -> Any:
+def _json_value(value: Any) -> Any:
+    """A field as JSON can hold it; `_restored` is the inverse."""
     if isinstance(value, Trial):
         return vars(value)
     if np.iscomplexobj(value):

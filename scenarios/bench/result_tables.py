@@ -16,7 +16,7 @@ UNKNOWN = "–"
 
 
 def number(value: float) -> str:
-    """A number with three digits, as a power of ten where there are many zeros."""
+    """A number with three digits; below 0.001 and from a million on with two and a power of ten."""
     if isnan(value):
         return UNKNOWN
     if isinf(value):

@@ -1,4 +1,4 @@
-"""Residual tests of the identified models, of right orders and of orders too low, and the choice of orders."""
+"""Metric: how often residual tests reject models of right and of too low order, and the right order is chosen."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -88,7 +88,7 @@ def build(
         except KeyboardInterrupt:
             kept = f"finished experiments kept in {withhold}"
             if withhold is None:
-                kept = _kept(latest, out / (plan.label + UNFINISHED))
+                kept = _saved_work(latest, out / (plan.label + UNFINISHED))
             raise KeyboardInterrupt(kept) from None
     if json:
         print_json(outcome.record)
@@ -137,7 +137,7 @@ def _say_failed(failed: Mapping[str, str]) -> None:
         say(f"failed: {unlisted} more, for other reasons; the index has them")
 
 
-def _kept(latest: Progress | None, folder: Path) -> str:
+def _saved_work(latest: Progress | None, folder: Path) -> str:
     """Message on the saved work of an interrupted build; empty if there is none."""
     if latest is None or not folder.is_dir():
         return ""

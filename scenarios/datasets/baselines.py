@@ -247,10 +247,10 @@ def baseline_pieces(plan: DataSetPlan) -> tuple[str, ...]:
 def baseline_files(plan: DataSetPlan, folder: Path, piece: str) -> Mapping[str, bytes]:
     """Score one method, or gather the table; a piece of a stage of the build."""
     if piece != "table":
-        data = _data(folder, file_hash(folder / INDEX), plan.spec.baselines)
+        data = _baseline_data(folder, file_hash(folder / INDEX), plan.spec.baselines)
         scores = report(data, Method.parsed(piece))
         return {_file(piece): f"{json.dumps(scores, indent=1, allow_nan=False)}\n".encode()}
-    _data.cache_clear()  # the table is the last piece: the records are needed no longer
+    _baseline_data.cache_clear()  # the table is the last piece: the records are needed no longer
     paths = [folder / _file(str(method)) for method in plan.spec.baselines.methods]
     rows = [json.loads(path.read_bytes())["row"] for path in paths]
     return {BASELINES: table_text(rows[0], rows).encode()}
@@ -262,8 +262,8 @@ def _file(method: str) -> str:
 
 
 @lru_cache(maxsize=1)
-def _data(folder: Path, index_hash: str, limits: BaselineSpec) -> BaselineData:
-    """The records, read once for all baselines; the hash distinguishes a folder that was built anew."""
+def _baseline_data(folder: Path, index_hash: str, limits: BaselineSpec) -> BaselineData:
+    """Read the records of a data set once for all baselines; the hash distinguishes a folder that was rebuilt."""
     return BaselineData(open_data_set(folder), limits)
 
 

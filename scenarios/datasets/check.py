@@ -87,7 +87,7 @@ def examine(
         checked.problems += [f"{path}: {problem}" for problem in file_problem_lines]
     sound_files = {path for path, file_problem_lines in problems_of_file.items() if not file_problem_lines}
     _regenerate(folder, checked, regenerate, seed, sound_files, workers)
-    return DataSetCheck(tuple(map(_plain, checked.problems)), tuple(map(_plain, checked.notes)))
+    return DataSetCheck(tuple(map(_printable_line, checked.problems)), tuple(map(_printable_line, checked.notes)))
 
 
 def _compare_index_and_checksums(checked: CheckedFolder) -> None:
@@ -109,8 +109,8 @@ def _compare_index_and_checksums(checked: CheckedFolder) -> None:
         problems += [f"{path} belongs to no experiment" for path in without_experiment]
 
 
-def _plain(message: str) -> str:
-    """A line of at most 600 characters, none of which steers a terminal, whatever a file contains."""
+def _printable_line(message: str) -> str:
+    """Message as one printable line of at most 600 characters: names in a file must not control the terminal."""
     line = message if message.isprintable() else message.encode("unicode_escape").decode()
     return line if len(line) <= 600 else f"{line[:600]} ..."
 
@@ -245,7 +245,7 @@ def _differences(
         if not is_simulated:
             # The kernels of the linear algebra choose the coordinates of the state, and last digits of the rest.
             differing = [name for name in differing if not _depends_on_coordinates(name)]
-            stored, again = _without_coordinates(stored), _without_coordinates(again)
+            stored, again = _with_responses(stored), _with_responses(again)
             differing += [name for name in again if "response" in name]
         for name in differing:
             yield _compare(f"{file}: {name}", name, stored[name], again[name], same=same and is_simulated)
@@ -260,11 +260,10 @@ def _depends_on_coordinates(name: str) -> bool:
     return name.rpartition("_")[2] in STATE_MATRICES or name.endswith("drive_noise")
 
 
-def _without_coordinates(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The truth about an arm, with the responses C A^k M to inputs, noise and drives added to its matrices.
+def _with_responses(arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Add the responses C A^k M, which no choice of state coordinates changes, to the matrices of an arm's truth.
 
-    The responses are the same in all coordinates of the state; k = 0 ... `RESPONSE_STEPS` - 1, and M is B, K or the
-    matrix by which the noise of the drives enters.
+    k = 0 ... `RESPONSE_STEPS` - 1, and M is B, K or the matrix by which the noise of the drives enters.
     """
     with_responses = dict(arrays)
     for prefix in [name[:-1] for name in arrays if name == "A" or name.endswith("_A")]:

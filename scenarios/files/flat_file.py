@@ -97,6 +97,7 @@ def _lines(path: Path) -> list[str]:
 
 
 def _numbers(path: Path, lines: list[str], separator: str | None) -> np.ndarray:
+    """Parse lines of numbers: time, then the columns of a bus record (N, columns)."""
     width = len(COLUMNS) + 1  # time comes first
     try:
         table = np.loadtxt(lines, delimiter=separator, comments=None, ndmin=2) if lines else np.empty((0, width))

@@ -274,7 +274,7 @@ def _recording_of(log: JointLog, methods: Sequence[str]) -> Recording:
 
 
 def _common_arm(logs: Sequence[JointLog], recordings: Sequence[Recording]) -> _StudiedArm:
-    """The arm of all logs; several have no common truth."""
+    """The one arm that all logs are of; logs of different arms, which have no common truth, are refused."""
     arms: dict[tuple[object, ...], tuple[Arm, str, str]] = {}
     for log, recording in zip(logs, recordings, strict=True):
         arm, pose = logged_arm(log), recording.setting.pose

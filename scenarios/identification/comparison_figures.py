@@ -193,6 +193,7 @@ def _residuals(models: Sequence[StyledModel], width: float) -> Iterator["str | F
 
 
 def _outputs(models: Sequence[StyledModel], beside: Sequence[StyledModel], width: float) -> Iterator["str | Figure"]:
+    """Titles and figures of measured and simulated outputs, a piece from the middle of the longest record."""
     checked = models[0].result.checked
     longest = max(range(len(checked)), key=lambda k: len(checked[k]))
     record = records_about_means(models[0].result)[longest]

@@ -142,8 +142,8 @@ def hammerstein_loop(
         raise ScenarioError(f"hammerstein takes one joint; records of {first.nu} inputs and {first.ny} outputs given")
     if not 1 <= nb <= nf or nk < 1:
         raise ScenarioError(
-            f"hammerstein orders {nb} {nf} {nk} given, expected nb nf nk with 1 <= nb <= nf and nk >= 1: the fed back "
-            "angle answers a sample later, and F is what remains of the closed denominator less B"
+            f"hammerstein: nb = {nb}, nf = {nf}, nk = {nk} given, expected 1 <= nb <= nf, because F is the denominator "
+            "of the closed loop less B, and nk >= 1, because the angle answers a command a sample later at the earliest"
         )
     if len(widths) != len(records):
         raise ScenarioError(f"hammerstein: {len(widths)} widths of the dead zone given for {len(records)} records")

@@ -92,15 +92,16 @@ class IdentifiedModels:
     def _draw(self) -> None:
         visible = [model for number, model in self.listed.items() if number not in self.hidden]
         if not visible:
-            self._drawn({})
+            self._take_figures({})
             return
         try:
-            self._work.start(FIGURES, draw_figures, visible, self.beside, done=self._drawn, failed=self._failed)
+            self._work.start(FIGURES, draw_figures, visible, self.beside, done=self._take_figures, failed=self._failed)
         except ScenarioError:  # something else was quicker
             self._work.when_free(FIGURES, self._draw)
         self._changed()
 
-    def _drawn(self, figures: dict[str, str]) -> None:
+    def _take_figures(self, figures: dict[str, str]) -> None:
+        """Keep figures that were drawn in the background, and show them."""
         self.figures = figures
         self._changed()
 

@@ -94,7 +94,7 @@ def recovered_in_words(rows: Rows) -> str:
 
 
 def coverage_in_words(rows: Rows) -> str:
-    """Count the intervals that hold the truth: another question than being near 1 Hz."""
+    """Sentences on how many intervals hold the truth, which is not the same as being near 1 Hz."""
     total, refused = len(rows), sum(row.refused for row in rows)
     covering = sum(row.covers for row in rows)
     sentence = (

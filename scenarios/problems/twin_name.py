@@ -167,7 +167,7 @@ class TwinName:
 
 
 def twin_name(name: str) -> TwinName:
-    """Read the name of a problem of the arm.
+    """Parse the name of a problem of the arm: variant, joint, excitation, amplitude, waveform and length.
 
     Args:
         name: Such as `twin-nominal-elbow_pitch-multisine-10mrad`, `twin-nominal-elbow_pitch-multisine-10mrad-w3`,

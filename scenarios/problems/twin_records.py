@@ -81,7 +81,7 @@ def prepare(
 
 
 def draw_record(name: TwinName, seed: int) -> IOData:
-    """The record of a problem and a seed, from memory or a file; it is simulated alone where it does not exist yet."""
+    """Record of a problem and a seed: from memory, from a file, or else simulated now."""
     record = _find(name, seed)
     if record is None:
         _simulate([(name, seed)], threads=1)

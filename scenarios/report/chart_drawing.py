@@ -42,7 +42,7 @@ def draw(
     # The last row of the grid may have places without a panel.
     for axes, panel in zip(grid, panels, strict=False):
         for label, line in _draw_panel(axes, panel, name_marks=name_marks):
-            handles.setdefault(_plain(label), line)
+            handles.setdefault(_without_formulas(label), line)
     dress(grid[: len(panels)])
     if shared:
         _label_once(figure, list(grid[: len(panels)]), columns)
@@ -67,8 +67,8 @@ def _label_once(figure: Figure, grid: Sequence[Axes], columns: int) -> None:
         axes.set_title(axes.get_title("left"), loc="left", fontsize=8)
 
 
-def _plain(label: str) -> str:
-    """A label of which no part is set as a formula: names come from anyone's files."""
+def _without_formulas(label: str) -> str:
+    """Escape dollar signs, so that no part of a label is set as a formula: names come from anyone's files."""
     return label.replace("$", r"\$")
 
 
@@ -84,8 +84,8 @@ def _draw_panel(axes: Axes, panel: Panel, *, name_marks: bool) -> list[tuple[str
         axes.set_xlim(panel.x_limits)
     if panel.y_limits:
         axes.set_ylim(panel.y_limits)
-    axes.set_xlabel(_plain(panel.x), fontsize=9)
-    axes.set_ylabel(_plain(panel.y), fontsize=9)
+    axes.set_xlabel(_without_formulas(panel.x), fontsize=9)
+    axes.set_ylabel(_without_formulas(panel.y), fontsize=9)
     if "x" in panel.log and panel.x_limits:
         plain_marks(axes.xaxis, panel.x_limits)
     if "y" in panel.log and panel.y_limits and not _has_two_powers_of_ten(panel.y_limits):
@@ -93,7 +93,7 @@ def _draw_panel(axes: Axes, panel: Panel, *, name_marks: bool) -> list[tuple[str
         plain_marks(axes.yaxis, panel.y_limits)
     if panel.equal:
         axes.set_aspect("equal")
-    axes.set_title(_plain(panel.title), loc="left", fontsize=8.5)
+    axes.set_title(_without_formulas(panel.title), loc="left", fontsize=8.5)
     if not panel.series:
         axes.text(0.5, 0.5, "none", transform=axes.transAxes, ha="center", va="center", fontsize=8, color=BOUND.colour)
     return lines
@@ -117,7 +117,7 @@ def _draw_mark(axes: Axes, mark: tuple[str, float, str], *, named: bool) -> None
     else:
         offset = (0, 1)
         place = {"xy": (1.0, value), "xycoords": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}
-    axes.annotate(_plain(name), xytext=offset, textcoords="offset points", fontsize=8, **place)
+    axes.annotate(_without_formulas(name), xytext=offset, textcoords="offset points", fontsize=8, **place)
 
 
 def _draw_series(axes: Axes, series: Series) -> Any:

@@ -153,7 +153,7 @@ class IdentifyTab:
         self._refresh()
 
     def _arrange(self) -> None:
-        """Show the fields and sliders that the choices ask for."""
+        """Show the form fields and order sliders of the chosen record and estimator; hide the others."""
         handles, method = self._form.handles, MENU[self._estimator.value]
         self._form.folders[COLUMNS].visible = handles["file"].visible = handles["record"].value == FILE
         handles["other"].visible = handles["validate"].value == FILE

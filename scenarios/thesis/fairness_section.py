@@ -94,7 +94,7 @@ def _joints_near_1_hz(arm: ArmFairness) -> Answer:
 
 
 def _most_intervals_hold(arm: ArmFairness) -> Answer:
-    """Whether more than half of the intervals hold the truth, with their number; a model without one does not."""
+    """Whether most intervals hold the truth, with the count; a model without an interval counts as one that misses."""
     covers: list[bool] = []
     for models in arm.joints.values():
         covers += [bool(model.covers) for model in _identified(models)]

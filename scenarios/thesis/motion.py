@@ -245,16 +245,16 @@ def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[fl
     white = noise.standard_normal(data.u.shape)
     for level in levels:
         logged = replace(data, u=data.u + level * spread * white).detrend()
-        # Unstable models overflow: `_plain` makes None of what is not finite.
+        # Unstable models overflow: `_json_number` makes None of what is not finite.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
             analysis = _spectra(logged) if record.excitation == "sines" else _models(setting.joint, logged)
         row = {**facts, "logged": level, **analysis}
-        yield {name: _plain(value) for name, value in row.items()}
+        yield {name: _json_number(value) for name, value in row.items()}
 
 
-def _plain(value: Any) -> Any:
-    """Return a number with seven digits, None where it is not finite; anything else as it is."""
+def _json_number(value: Any) -> Any:
+    """Round a number to seven digits, None where it is not finite; return anything else as it is."""
     # JSON has no NaN.
     if isinstance(value, float):
         return float(f"{value:.7g}") if np.isfinite(value) else None

@@ -120,6 +120,7 @@ def plan(
     short = JUDGING if duration is None else min(duration, JUDGING)
 
     def scenarios_of(tests: Sequence[str], judging_duration: float | None) -> tuple[Scenario, ...]:
+        """Scenarios of the tests; those that only judge models last `judging_duration`."""
         scenarios = []
         for test in tests:
             # Records that models are identified from keep their length: their intervals are compared.

@@ -55,7 +55,7 @@ def likelihood_of(
         SysidError: No response, too few frequencies, a discrete-time model of a continuous-time response.
     """
     if not isinstance(response, FrequencyResponse):
-        raise SysidError(f"expected one FrequencyResponse, got {type(response).__name__}; merge joins several")
+        raise SysidError(f"expected one FrequencyResponse, got {type(response).__name__}; sysid.merge averages several")
     continuous = not response.dt if continuous is None else truth_value("continuous", continuous)
     if not (continuous or response.dt):
         raise SysidError("a discrete-time model needs the sampling interval: the response has dt = 0, continuous time")

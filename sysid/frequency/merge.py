@@ -14,7 +14,9 @@ EXACT = 1e-12  # variance of an exact value, relative to the largest of the same
 
 
 def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
-    """Mean of independent measurements of one response, weighted by the inverses of their covariances.
+    """Average frequency responses, weighted by inverse covariance; MATLAB's `merge` takes data or estimated models.
+
+    The responses are independent measurements of one system, such as `spa` of each experiment.
 
     It is the estimate of greatest likelihood from all of them. Records of equal accuracy are better averaged before the
     division: `spa`, `spafdr`, `welch`, `etfe` and `bla` take a list of experiments.

@@ -104,7 +104,7 @@ def _fit_inverse_power(f: FloatArray, power: FloatArray, variance: FloatArray) -
 
 
 def _half_power_crossing(coefficients: FloatArray, covariance: FloatArray) -> tuple[float, float] | None:
-    """Squared frequency x with p(x) = 2 p(0), and the standard deviation of the frequency's logarithm.
+    """Squared frequency x at which p = 1 / |G|^2 doubles, p(x) = 2 p(0), and the deviation of ln(frequency).
 
     None if the polynomial is not positive at 0 Hz or reaches twice that value only beyond the fitted lines, x > 1.
     """

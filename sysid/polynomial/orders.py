@@ -168,9 +168,11 @@ class Orders:
 
 
 def orders_apart(estimator: Callable[P, R]) -> Callable[P, R]:
-    """Refuse orders as one list, as MATLAB takes them, with the call that is expected."""
+    """Make an estimator refuse orders in one list, as MATLAB takes them, and show the expected call."""
     parameters = inspect.signature(estimator).parameters
     required = [name for name, parameter in parameters.items() if parameter.default is parameter.empty]
+    # nk has a default, but MATLAB's list holds it too: the call that is shown must
+    positional = [name for name, parameter in parameters.items() if parameter.kind is parameter.POSITIONAL_OR_KEYWORD]
 
     @functools.wraps(estimator)
     def call(*args: P.args, **options: P.kwargs) -> R:
@@ -178,8 +180,8 @@ def orders_apart(estimator: Callable[P, R]) -> Callable[P, R]:
         if len(required) > len(args) > 1 and isinstance(args[1], Sequence | np.ndarray):
             missing = [name for name in required[len(args) :] if name not in options]
             if missing:
-                expected = f"{estimator.__name__}({', '.join(required)})"
-                raise SysidError(f"orders are arguments of their own, expected {expected}, got {shown(args[1])}")
+                expected = f"{estimator.__name__}({', '.join(positional)})"
+                raise SysidError(f"each order is an argument of its own: expected {expected}, got {shown(args[1])}")
         return estimator(*args, **options)
 
     return call

@@ -28,7 +28,10 @@ def whole_number(name: str, value: Any, least: int, most: int | None = None) -> 
 
 
 def real_number(name: str, value: Any, expected: str, allowed: Callable[[float], bool]) -> float:
-    """Check a real number and return it as `float`; `expected` completes the message "NAME must ..."."""
+    """Return an argument as `float`, or refuse one that is no single real number or not an allowed one.
+
+    `expected` completes the message "NAME must ...".
+    """
     try:
         single = np.shape(value) == () and not isinstance(value, bool | np.bool_ | str | bytes | None)
         number = float(value) if single else np.nan

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,13 @@ from sysid.records.printing import counted
 from sysid.records.trends import difference, trend
 
 LARGEST = 1e60  # largest magnitude of a signal, its inverse the smallest: sums of squares must stay finite
+
+
+def _refuse_missing_interval() -> NoReturn:
+    """Raise the error of a record without a sampling interval."""
+    raise SysidError(
+        "IOData(u, y) given without dt, expected the sampling interval dt in s, such as IOData(u, y, dt=0.02)"
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -48,12 +55,16 @@ class IOData(Labelled, Locked):
 
     Raises:
         SysidError: Empty, non-real, NaN or infinite values, unequal lengths, more channels than samples,
-            `dt <= 0`, a window that leaves nothing, or names and units that do not match the channels.
+            no dt or `dt <= 0`, a window that leaves nothing, or names and units that do not match the channels.
     """
 
     u: FloatArray
     y: FloatArray
-    dt: float
+    if TYPE_CHECKING:
+        dt: float
+    else:
+        # required all the same: a call without it gets the error of this package, not that of Python
+        dt: float = field(default_factory=_refuse_missing_interval)
     input_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     output_names: tuple[str, ...] | None = field(default=None, kw_only=True)
     input_units: tuple[str, ...] | None = field(default=None, kw_only=True)

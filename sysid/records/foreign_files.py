@@ -92,6 +92,7 @@ def _items(group: Any, prefix: str, attributes: Sequence[str], entered: set[Any]
 
 
 def _array(stored: Any, attributes: Sequence[str]) -> dict[str, Any]:
+    """Describe a data set of HDF5: its shape, kind, size and attributes, or that its values are not in this file."""
     if stored.external or stored.is_virtual:
         return {"holds": "elsewhere"}
     if stored.shape is None:
@@ -146,7 +147,7 @@ def _attributes(stored: Any, names: Sequence[str] | None) -> dict[str, Any]:
         if isinstance(value, h5py.Empty):
             value = ""
         # Scalars travel as arrays, which keep their type: a scale in float32 makes other products than one in float64.
-        attributes[name] = value if isinstance(value, str | bytes) else _plain(np.asarray(value))
+        attributes[name] = value if isinstance(value, str | bytes) else _texts_as_unicode(np.asarray(value))
     return attributes
 
 
@@ -154,11 +155,11 @@ def _values(stored: Any) -> Any:
     # HDF5 does not tell a lack of memory for a packed chunk from damage.
     if math.prod(stored.chunks or ()) * stored.dtype.itemsize > MOST_MEMORY // 4:
         raise MemoryError
-    return _plain(np.asarray(stored[...]))
+    return _texts_as_unicode(np.asarray(stored[...]))
 
 
-def _plain(values: Any) -> Any:
-    """Texts of any length, which are objects in NumPy, as Unicode."""
+def _texts_as_unicode(values: Any) -> Any:
+    """Convert an array of texts, which h5py reads as objects, to Unicode; return other arrays as they are."""
     if values.dtype.kind != "O":
         return values
     texts = []

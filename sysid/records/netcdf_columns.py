@@ -20,7 +20,7 @@ DAMAGED = "not a NetCDF4 file, or a damaged one"
 
 
 def netcdf_columns(file: Path) -> tuple[dict[str, Column], dict[str, str]]:
-    """Read variables (N,) or (N, k) by name, an attribute `dt` among them, and their units.
+    """Read the variables (N,) or (N, k) of a NetCDF file by name, and their units; a file's attribute `dt` is a column.
 
     Raises:
         SysidError: Another format, a damaged file, too many numbers.

@@ -154,7 +154,10 @@ class Tracker:
         fit = preferred(fits)
         value, gradients = self._quantities(fit.B, fit.F)
         if not np.isfinite(value).all():
-            raise SysidError("the model of the calibration has no bandwidth: its gain does not fall to 0.707")
+            raise SysidError(
+                "the model fitted to the calibration has no bandwidth: its gain does not fall through 0.707 of that at "
+                "0 Hz, or of `gain`"
+            )
         self._inflation = self._scatter_of_long = self._score_scatter(fit, gradients)
         # variance of the relative bandwidth, which falls with time, against that by which it drifts in a minute
         unit_steps = gradients[0] @ fit.directions[: 2 * fit.order]

@@ -160,7 +160,7 @@ def pem_ss(
     minimum, name = minima[chosen], _name_of(origins[chosen])
     if search and len(origins) == 1 and not minimum.exact and all(e.complete for e in experiments):
         first = (name, models[0], minimum)
-        minimum, name = _searched(
+        minimum, name = _lowest_minimum(
             experiments, records, scales, first, direct, gain, samples * ny / count, max_iterations
         )
     colour_order = min(COLOUR, samples // 20) if coloured else None
@@ -309,7 +309,7 @@ def _polynomial_estimates(
         yield from _attempt("oe", order, partial(oe, experiments, count, order, delay, coloured=False))
 
 
-def _searched(
+def _lowest_minimum(
     experiments: Sequence[IOData],
     records: Sequence[Record],
     scales: Scales,
@@ -319,7 +319,7 @@ def _searched(
     density: float,
     max_iterations: int,
 ) -> tuple[Minimum, str]:
-    """The lowest of several minima if the first is doubtful, and the name of its initial estimate.
+    """Search for a lower minimum if the first is doubtful; return the lowest and the name of its initial estimate.
 
     Args:
         experiments: The data.

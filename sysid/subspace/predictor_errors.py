@@ -300,7 +300,7 @@ class Point:
 
     @property
     def weight(self) -> FloatArray:
-        """Weight of the errors (ny, ny), by which the mean of e' weight e is ny."""
+        """Weight (ny, ny) of the errors e, scaled so that the mean of e' weight e is ny."""
         if self.output_weight is None:
             return self.inverse_covariance
         return self.output_weight * (len(self.covariance) / max(self.mean_square, np.finfo(float).tiny))

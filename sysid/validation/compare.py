@@ -107,11 +107,12 @@ def _rows(fit: ModelFit, label: str) -> list[list[str]]:
 def compare(
     models: Model | Sequence[Model] | Mapping[str, Model], data: IOData | Sequence[IOData], *, steps: int = 1
 ) -> Fits:
-    """Fit 100 (1 - |y - yhat| / |y - mean(y)|) of every model, without the initialisation window.
+    """Percent fit of models in simulation and prediction; unlike in MATLAB, models come first and nothing is drawn.
 
-    The initial state is fitted by least squares: to the initialisation window if the record has one, else to the whole
-    record. Channels are matched by name, as in `predict`. Over several experiments the squares of errors and of
-    deviations, each from its own mean, are summed.
+    The fit is 100 (1 - |y - yhat| / |y - mean(y)|), without the initialisation window. The initial state is fitted by
+    least squares: to the initialisation window if the record has one, else to the whole record. Channels are matched by
+    name, as in `predict`. Over several experiments the squares of errors and of deviations, each from its own mean, are
+    summed.
 
     Args:
         models: A model, an estimate or a choice of `auto`, several, or several by name.

@@ -196,7 +196,10 @@ def cramer_rao_bound(
         filters.append(_closed_loop(system, feedback))
     slowest = max(float(np.abs(np.roots(row)).max(initial=0.0)) for row in filters)
     if slowest >= 1.0:
-        raise SysidError(f"a root of modulus {slowest:.6g} given, expected roots inside the unit circle")
+        raise SysidError(
+            "expected A, C, D, F and the loop with all roots inside the unit circle, "
+            f"got a root of modulus {slowest:.6g}: the predictor or the loop is not stable"
+        )
     pulse = np.eye(1, pulse_length(slowest, DIED_OUT))[0]
     driven = signals_from_rest(system, reference, np.zeros(len(reference)), feedback)
     noise = signals_from_rest(system, np.zeros((len(pulse), system.nu)), pulse, feedback)

@@ -53,12 +53,13 @@ class FeedbackTest(Locked):
 def feedback(
     data: IOData | Sequence[IOData], *, lags: int = 20, direct: bool = True, level: float = 0.99
 ) -> FeedbackTest:
-    """Test whether the inputs depend on past outputs [Ljung1999, sec. 13.4; Sims1972].
+    """Test data for feedback from outputs to inputs; unlike MATLAB's `feedback` of models, it closes no loop.
 
-    Each output is regressed on its own past and on past and future inputs; without feedback, the next innovation of the
-    disturbance has no part in any input, and no future input gets a coefficient. An F test of these, exact for a normal
-    disturbance that `lags` past outputs make white. What a linear model leaves of a nonlinear system looks like
-    feedback too where the input is smooth. Means are removed first.
+    It tests whether the inputs depend on past outputs [Ljung1999, sec. 13.4; Sims1972]. Each output is regressed on its
+    own past and on past and future inputs; without feedback, the next innovation of the disturbance has no part in any
+    input, and no future input gets a coefficient. An F test of these, exact for a normal disturbance that `lags` past
+    outputs make white. What a linear model leaves of a nonlinear system looks like feedback too where the input is
+    smooth. Means are removed first.
 
     Args:
         data: One experiment, or several.

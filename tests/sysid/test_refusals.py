@@ -279,8 +279,13 @@ def test_habits_of_matlab_are_met_with_the_expected_call(tmp_path):
     data = second_order()
     model = sysid.pem_ss(data, 2)
     assert model.model.order == 2
-    refused(r"expected oe\(data, nb, nf\), got \[2, 2, 4\]", sysid.oe, data, [2, 2, 4])
-    refused(r"expected armax\(data, na, nb, nc\)", sysid.armax, data, np.array([2, 2, 2, 1]))
+    refused(r"expected oe\(data, nb, nf, nk\), got \[2, 2, 4\]", sysid.oe, data, [2, 2, 4])
+    refused(r"expected armax\(data, na, nb, nc, nk\)", sysid.armax, data, np.array([2, 2, 2, 1]))
+    for function in (sysid.arx, sysid.iv4):
+        refused(r"expected \w+\(data, na, nb, nk\), got \[2, 2, 1\]", function, data, [2, 2, 1])
+    refused(r"expected bj\(data, nb, nc, nd, nf, nk\)", sysid.bj, data, [2, 1, 1, 2, 1])
+    refused(r"expected arma\(data, na, nc\)", sysid.arma, data, [2, 1])
+    refused(r"IOData\(u, y\) given without dt, expected .* in s", sysid.IOData, data.u, data.y)
     for function in (sysid.resid, sysid.compare):
         refused("got IOData: the model comes first", function, data, model)
     refused("there is no folder", sysid.write_model, model, tmp_path / "none" / "model.json")

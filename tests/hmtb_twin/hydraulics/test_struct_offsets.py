@@ -27,8 +27,8 @@ def test_offsets_lead_to_the_arrays_of_any_model():
 
 
 def test_unknown_declarations_and_pointers_elsewhere_are_errors(monkeypatch):
-    refused("declares its mjNothing in an unknown way.*another version", declared_offsets, "mjNothing", ("act",))
-    refused("declares its mjData in an unknown way.*another version", declared_offsets, "mjData", ("act", "nothing"))
+    refused("does not declare its mjNothing as expected.*another version", declared_offsets, "mjNothing", ("act",))
+    refused("does not declare its mjData as expected.*another version", declared_offsets, "mjData", ("act", "nothing"))
     number = StructDecl("mjData", "struct mjData_", [StructFieldDecl("act", ValueType("mjtUnknown"), "")])
     monkeypatch.setitem(struct_offsets.STRUCTS, "mjData", number)
     refused("mjtUnknown.*another version", declared_offsets, "mjData", ("act",))

@@ -144,12 +144,12 @@ def test_the_truth_is_compared_without_the_coordinates_of_its_state(tiny):
     turned, T = dict(known), np.random.default_rng(5).standard_normal(known["A"].shape)
     turned |= {"A": T @ known["A"] @ np.linalg.inv(T), "C": known["C"] @ np.linalg.inv(T)}
     turned |= {name: T @ known[name] for name in ("B", "K", "drive_noise") if name in known}
-    before, after = check_module._without_coordinates(known), check_module._without_coordinates(turned)
+    before, after = check_module._with_responses(known), check_module._with_responses(turned)
     responses = [name for name in before if name.startswith("response to ") and "_" not in name]
     assert "response to B" in responses
     for name in responses:
         assert np.allclose(before[name], after[name], rtol=0.0, atol=1e-9 * np.abs(before[name]).max())
-    other = check_module._without_coordinates({**known, "B": 1.001 * known["B"]})
+    other = check_module._with_responses({**known, "B": 1.001 * known["B"]})
     assert check_module._compare("B", "response to B", before["response to B"], other["response to B"], same=False)
 
 

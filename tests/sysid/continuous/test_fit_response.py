@@ -129,6 +129,6 @@ def test_warns_of_a_wrong_order_and_refuses_what_does_not_fit():
     refused("nb must be a whole number from 1 to 4", fit_response, measured(0), 5, 3)
     refused("parameters from", fit_response, two.select(outputs=[0]), 6, 6)
     refused("parameters from", fit_response_ss, two.select(outputs=[0]), 6)
-    refused("merge joins several", fit_response, [measured(0)], 2, 3)
+    refused("sysid.merge averages several", fit_response, [measured(0)], 2, 3)
     refused("delay must be", fit_response, measured(0), 2, 3, delay=-1.0)
     refused("covariance is zero", fit_response, FrequencyResponse.from_data(HZ, TRUE, variance=0 * HZ), 2, 3)
