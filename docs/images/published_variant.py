@@ -53,7 +53,7 @@ def poles(variant: Truth) -> Figure:
         axes.set(xscale="log", xlim=(0.5, 400.0), ylim=(-0.6, len(rows) - 0.4), title=joint.replace("_", " "))
         axes.set_yticks(range(len(rows)), [label for label, *_ in reversed(rows)], fontsize=8.5)
         axes.set_xlabel("modulus of the pole / (rad/s)")
-        _plain(axes)
+        _dress(axes)
     return figure
 
 
@@ -85,8 +85,8 @@ def bode(variant: Truth, nominal: Truth) -> Figure:
         upper.legend(fontsize=7.5, loc="lower left", frameon=False)
         lower.set(xlabel="frequency / Hz", xlim=(f[0], f[-1]), ylim=(-270, 5))
         lower.set_yticks([-270, -180, -90, 0])
-        _plain(upper)
-        _plain(lower)
+        _dress(upper)
+        _dress(lower)
     grid[0, 0].set_ylabel("gain")
     grid[1, 0].set_ylabel("phase / degrees")
     return figure
@@ -125,11 +125,12 @@ def friction(page: str) -> Figure:
             axes.set_yticks([0.05, 0.1, 0.2, 0.5, 1.0], ["0.05", "0.1", "0.2", "0.5", "1"])
             axes.minorticks_off()
             axes.legend(fontsize=8, frameon=False)
-        _plain(axes)
+        _dress(axes)
     return figure
 
 
-def _plain(axes: Axes) -> None:
+def _dress(axes: Axes) -> None:
+    """Draw a light grid behind the curves, and no frame above or on the right."""
     axes.grid(True, color=GRID, lw=0.6)
     axes.set_axisbelow(True)
     for side in ("top", "right"):

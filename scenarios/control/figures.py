@@ -32,7 +32,7 @@ LAWS = (PALETTE["oe"], PALETTE["armax"], PALETTE["okid"])
 
 def run_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> Figure:
     """Draw one run of one scenario over time: request and angles of the joint that moves most, and the errors."""
-    logs, joint = _drawn(results)
+    logs, joint = _styled_logs(results)
     figure = Figure(figsize=(WIDTH, 4.8), layout="constrained")
     angles, errors = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     arm = results[0].runs.logs.get("reference")
@@ -107,7 +107,7 @@ def robustness_figure(results: Sequence[ControlResult]) -> Figure:
 
 def response_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> Figure:
     """Draw the response of the joint that moves most from request to angle: reference model, and what runs show."""
-    logs, joint = _drawn(results)
+    logs, joint = _styled_logs(results)
     figure = Figure(figsize=(WIDTH, 4.4), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
     # The reference by the same estimate: where requests are poor, all curves are wrong alike.
@@ -130,7 +130,7 @@ def response_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> F
     return figure
 
 
-def _drawn(results: Sequence[ControlResult]) -> tuple[dict[str, tuple[JointLog, Style]], int]:
+def _styled_logs(results: Sequence[ControlResult]) -> tuple[dict[str, tuple[JointLog, Style]], int]:
     """Return the logs of a scenario with their styles by label, and the joint that moves most."""
     logs = {WITHOUT_LABEL: results[0].runs.logs["without"], **results[0].runs.logs}
     drawn: dict[str, tuple[JointLog, Style]] = {}

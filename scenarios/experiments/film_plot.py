@@ -72,10 +72,10 @@ class MotionPlot:
             handles=lines[:2][::-1], loc="upper right", ncols=2, frameon=False, fontsize=8.5, borderaxespad=0.1
         )
         # Drawn twice in all, with and without curves: drawing a figure for every frame is slow.
-        self._full = _drawn(canvas)
+        self._full = _picture_of(canvas)
         for line in lines:
             line.set_visible(False)
-        self._empty = _drawn(canvas)
+        self._empty = _picture_of(canvas)
         self._boxes = [axes.get_window_extent() for axes in panels]
         self._span, self._line = span, max(1, round(1.5 * scale))
 
@@ -125,7 +125,8 @@ def _curve(axes: Axes, time: np.ndarray, values: np.ndarray, style: Style, label
     return axes.plot(time, values, color=style.colour, ls=style.line, lw=style.width, drawstyle=drawstyle, label=label)
 
 
-def _drawn(canvas: FigureCanvasAgg) -> np.ndarray:
+def _picture_of(canvas: FigureCanvasAgg) -> np.ndarray:
+    """Draw a figure; return its picture (height, width, 3), 8-bit RGB."""
     canvas.draw()
     return np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 

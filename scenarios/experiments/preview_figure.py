@@ -57,15 +57,15 @@ def preview_figure(preview: Preview) -> Figure:
     figure, grid = panels(4, 1, (8.0, 9.0), sharex=True)
     volts, angles, rates, tool = grid[:, 0]
     for index, axis in enumerate(preview.scenario.axes):
-        _line(volts, time, preview.volts[:count, index], index, axis)
+        _held_curve(volts, time, preview.volts[:count, index], index, axis)
     volts.set(ylabel="at the converter / V")
     shown = np.degrees(preview.commands[:count] - preview.commands[0])
     speeds = np.degrees(preview.rates[:count])
     limits = set[float]()
     for index, joint in enumerate(moving):
         column = JOINTS.index(joint)
-        _line(angles, time, shown[:, column], index, joint.replace("_", " "))
-        _line(rates, time[: len(speeds)], speeds[:, column], index, joint.replace("_", " "))
+        _held_curve(angles, time, shown[:, column], index, joint.replace("_", " "))
+        _held_curve(rates, time[: len(speeds)], speeds[:, column], index, joint.replace("_", " "))
         limits.add(float(np.degrees(preview.velocity_limits[column])))
     # Joints with the same limit share its line.
     for limit in sorted(limits):
@@ -77,7 +77,7 @@ def preview_figure(preview: Preview) -> Figure:
     angles.set(ylabel="command / deg")
     rates.set(ylabel="its rate / (deg/s)")
     for index, axis in enumerate("xyz"):
-        _line(tool, time, 1000.0 * preview.tool[:count, index], index, axis)
+        _held_curve(tool, time, 1000.0 * preview.tool[:count, index], index, axis)
     tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], SAMPLE_TIME)))
     for axes in (volts, angles, tool):
         if axes.get_legend_handles_labels()[0]:
@@ -100,6 +100,6 @@ def preview_figure(preview: Preview) -> Figure:
     return figure
 
 
-def _line(axes: Axes, time: np.ndarray, values: np.ndarray, index: int, label: str) -> None:
+def _held_curve(axes: Axes, time: np.ndarray, values: np.ndarray, index: int, label: str) -> None:
     """Draw a curve that holds each value until the next, in the colour and style of its index."""
     axes.step(time, values, where="post", color=COLOURS[index], ls=LINES[index], lw=1.2, label=label)

@@ -18,8 +18,8 @@ def merge(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
 
     The responses are independent measurements of one system, such as `spa` of each experiment.
 
-    It is the estimate of greatest likelihood from all of them. Records of equal accuracy are better averaged before the
-    division: `spa`, `spafdr`, `welch`, `etfe` and `bla` take a list of experiments.
+    The average is the maximum-likelihood estimate from all of them. Records of equal accuracy are better averaged
+    before the division: `spa`, `spafdr`, `welch`, `etfe` and `bla` take a list of experiments.
 
     Args:
         responses: Responses with covariance, of the same channels at the same frequencies; where some are NaN the

@@ -69,7 +69,7 @@ OF_MODEL = "from a model to real numbers, such as StateSpace.dc_gain"
 
 
 def band(estimate: Estimate, quantity: Quantity) -> Band:
-    """95 % confidence band of any quantity of a model, by the delta method; for the bandwidth see `bandwidth`.
+    """95 % confidence band of any quantity of a model, by the delta method (not its bandwidth, `Estimate.bandwidth`).
 
     It is the interval of [Ljung1999, ch. 9], valid where the quantity is about linear over the spread of the
     parameters; `sampled_band` is the check.

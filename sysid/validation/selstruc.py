@@ -30,7 +30,7 @@ def selstruc(
     validation: IOData | Sequence[IOData] | None = None,
     folds: int = 0,
 ) -> StructureTable:
-    """Fit every ARX structure of a grid and rank them, as MATLAB's `arxstruc` with `selstruc` [Ljung1999, sec. 16.4].
+    """Fit and rank every ARX structure of a grid: MATLAB's `arxstruc` and `selstruc` in one [Ljung1999, sec. 16.4].
 
     One QR factorisation of all regressors replaces the data: each candidate is a least-squares problem on some columns
     of its triangle. Every candidate is judged on the same samples.
