@@ -86,7 +86,8 @@ def outward(orders: Orders, theta: FloatArray, samples: float = np.inf) -> tuple
             row[positions] = change
             rows.append(row)
             reach.append(REACH * max(distance, 0.0))
-    return np.array(rows).reshape(-1, orders.count), np.array(reach)
+    # no row where there are no parameters: -1 would leave their number undetermined
+    return np.array(rows).reshape(len(rows), orders.count), np.array(reach)
 
 
 def _outward_derivatives(polynomial: FloatArray, margin: float) -> Iterator[tuple[FloatArray, float]]:

@@ -1,0 +1,29 @@
+"""Every estimator returns a result or a `SysidError`, whatever the record."""
+
+import numpy as np
+import pytest
+
+from tests.sysid.random_records import failure, random_calls, random_record
+
+
+def _failures(seeds, calls_each):
+    failures = {}
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        record, calls = random_record(rng), random_calls(rng)
+        names = rng.permutation(list(calls))[:calls_each]
+        for name in names:
+            message = failure(calls[name], record)
+            if message is not None:
+                failures[seed, str(name)] = message
+    return failures
+
+
+@pytest.mark.slow
+def test_small_random_records():
+    assert _failures(range(60), calls_each=6) == {}
+
+
+@pytest.mark.thorough
+def test_many_small_random_records():
+    assert _failures(range(1000, 3000), calls_each=100) == {}
