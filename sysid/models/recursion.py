@@ -75,13 +75,15 @@ def kalman_filter(
     R = model.innovation_covariance
     if R is None:
         R = np.diag(output_deviations(data.y) ** 2)
-    gains, inverse_deviations = _gains(model, data.known, R)
-    y = np.where(data.known, data.y, 0.0)
-    drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
     start = x0[:, None]
     if free:
         start = np.concatenate((np.asarray(x0, dtype=float)[:, None], np.eye(model.order)), axis=1)
-    return _trajectory(model.A - gains @ model.C, drive, start), inverse_deviations
+    y = np.where(data.known, data.y, 0.0)
+    # an unstable model may overflow to infinity in a gap: that is its response, not a fault
+    with np.errstate(over="ignore", invalid="ignore"):
+        gains, inverse_deviations = _gains(model, data.known, R)
+        drive = data.u @ model.B.T + np.einsum("tnl,tl->tn", gains, y - data.u @ model.D.T)
+        return _trajectory(model.A - gains @ model.C, drive, start), inverse_deviations
 
 
 def output_deviations(y: FloatArray) -> FloatArray:

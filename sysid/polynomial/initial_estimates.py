@@ -17,8 +17,9 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.long_arx import LongArx, arx_errors, arx_solution, long_arx_models, long_arx_order
 from sysid.polynomial.missing_outputs import MissingOutputs
 from sysid.polynomial.orders import Orders, with_delays
-from sysid.polynomial.prediction_error import InitialEstimate
+from sysid.polynomial.prediction_error import InitialEstimate, minimise
 from sysid.polynomial.regressors import arx_regressors, input_lags, lagged, output_lags
+from sysid.polynomial.stability_limit import admissible
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -349,6 +350,7 @@ def _append_disturbance_model(
     return orders.join(a, b, c, d, f)
 
 
+SHARED_STEPS = 20  # of the Box-Jenkins model whose denominators share A: with 4 the two are still far apart
 CANDIDATES = 8  # choices of the roots of A among those of A D F, the likeliest first
 ROUNDS = 3  # initial estimates of the other polynomials for each A
 
@@ -357,8 +359,9 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
     """A beside D or F: for several A, the initial estimates of the structure without A for the output A y.
 
     A D F y = B D u + C F e is an ARMAX model, by Hannan and Rissanen. Of its poles, those of D are zeros of B D, and
-    those of F are zeros of C F; the others are roots of A.
+    those of F are zeros of C F; the others are roots of A. The first estimate comes from a Box-Jenkins model instead.
     """
+    yield from _from_box_jenkins(experiments, orders)
     as_armax, without_a = _as_armax(orders), replace(orders, na=0)
     n = long_arx_order(experiments, as_armax, 8)
     model = long_arx_models(experiments, as_armax, n)(n)
@@ -376,6 +379,45 @@ def general_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> 
             for start in islice(family, 1):
                 _, b, c, d, f = without_a.split(start.theta)
                 yield InitialEstimate(f"{name}, {start.name}", orders.join(a, b, c, d, f))
+
+
+def _from_box_jenkins(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
+    """From the Box-Jenkins model y = B/(A F) u + C/(A D) e, which holds A y = B/F u + C/D e; none if it has no such A.
+
+    Its denominators are free: its search cannot give a root of F to A and a root of A to F, which is a local minimum of
+    the structure with A. Roots that disturbance and paths have in common, or nearly so, are those of A.
+    """
+    with_free_denominators = replace(orders, na=0, nd=orders.na + orders.nd, nf=tuple(n + orders.na for n in orders.nf))
+    minima = []
+    for start in bj_initial_estimates(experiments, with_free_denominators):
+        if admissible(with_free_denominators, start.theta):
+            minima.append(minimise(experiments, with_free_denominators, start.theta, max_iterations=SHARED_STEPS).at)
+    if not minima:
+        return
+    best = min(minima, key=lambda minimum: minimum.cost)
+    _, b, c, of_disturbance, of_paths = with_free_denominators.split(best.theta)
+    a, d = _common_factor(of_disturbance, of_paths, orders.na)
+    f = [_common_factor(denominator, [a], orders.na)[1] for denominator in of_paths]
+    fits = len(a) == orders.na + 1 and len(d) == orders.nd + 1
+    if fits and all(len(fj) == nf + 1 for fj, nf in zip(f, orders.nf, strict=True)):
+        yield InitialEstimate("Box-Jenkins", orders.join(a, b, c, d, f))
+
+
+def _common_factor(polynomial: FloatArray, others: Sequence[FloatArray], degree: int) -> tuple[FloatArray, FloatArray]:
+    """Real factor of a degree whose roots are nearly roots of all other polynomials, and what it leaves.
+
+    One and the polynomial where pairs of complex roots allow no factor of that degree.
+    """
+    groups = _root_groups(polynomial)
+    if not groups:
+        return np.ones(1), polynomial
+    distances = np.max([_relative_values(other, groups) for other in others], axis=0)
+    nearness = -np.log(np.maximum(distances, np.finfo(float).tiny))
+    choices = _ranked_choices(groups, nearness, degree)
+    if not choices:
+        return np.ones(1), polynomial
+    left = [k for k in range(len(groups)) if k not in choices[0]]
+    return _with_roots(groups, choices[0]), _with_roots(groups, left)
 
 
 def _filter_outputs(a: FloatArray, experiments: Sequence[IOData]) -> list[IOData]:
@@ -401,12 +443,21 @@ def _likely_factors(denominator: FloatArray, numerators: Sequence[FloatArray], d
 
     The last numerator is that of the noise.
     """
-    roots = np.roots(denominator)
-    # a pair of complex roots stays together
-    groups = [_with_conjugate(root) for root in roots if root.imag >= 0.0]
+    groups = _root_groups(denominator)
     *by_input, of_noise = (_relative_values(numerator, groups) for numerator in numerators)
     # roots of D are zeros for every input, roots of F for the noise
     likelihood = np.log(np.maximum(np.max(by_input, axis=0) * of_noise, np.finfo(float).tiny))
+    choices = _ranked_choices(groups, likelihood, degree)
+    return [_with_roots(groups, choice) for choice in choices[:CANDIDATES]]
+
+
+def _root_groups(polynomial: FloatArray) -> list[list[complex]]:
+    """Real roots, and pairs of complex ones, which stay together."""
+    return [_with_conjugate(root) for root in np.roots(polynomial) if root.imag >= 0.0]
+
+
+def _ranked_choices(groups: Sequence[Sequence[complex]], likelihood: FloatArray, degree: int) -> list[tuple[int, ...]]:
+    """Choices of groups of roots that have a degree together, those of the largest likelihood (groups,) first."""
     degrees = np.array([len(group) for group in groups], dtype=int)
     choices = []
     for count in range(1, degree + 1):
@@ -415,11 +466,13 @@ def _likely_factors(denominator: FloatArray, numerators: Sequence[FloatArray], d
                 choices.append(choice)
     evidence = degrees * likelihood
     choices.sort(key=lambda choice: -sum(evidence[k] for k in choice))
-    factors = []
-    for choice in choices[:CANDIDATES]:
-        chosen_roots = list(chain.from_iterable(groups[k] for k in choice))
-        factors.append(np.asarray(np.poly(chosen_roots).real, dtype=np.float64))
-    return factors
+    return choices
+
+
+def _with_roots(groups: Sequence[Sequence[complex]], choice: Sequence[int]) -> FloatArray:
+    """Real monic polynomial with the roots of some of the groups."""
+    chosen_roots = list(chain.from_iterable(groups[k] for k in choice))
+    return np.atleast_1d(np.asarray(np.poly(chosen_roots).real, dtype=np.float64))
 
 
 def _with_conjugate(root: complex) -> list[complex]:

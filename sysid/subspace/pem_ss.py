@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -342,16 +343,16 @@ def _lowest_minimum(
     candidates = list(initial_estimates(experiments, start.order)) if thorough else []
     if start.ny == 1:
         candidates += _polynomial_estimates(experiments, start.order, direct, gain)
-    # the minimum of the criterion with the opposite `gain` helps to escape from local minima
-    opposite = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
-    try:
-        crossed = minimise(opposite, _starts(start, scales, direct, not gain)[0], directions, CROSSING_STEPS)
-        with_or_without = "without" if gain else "with"
-        model = scales.model(crossed.point.predictor, summary, None)
-        candidates.append((f"{name}, refined {with_or_without} K", model))
-    except SysidError:
-        # the opposite choice has no stable start: a candidate less
-        pass
+    # the minimum of the criterion with the opposite `gain` helps to escape from local minima; without input and gain
+    # nothing drives the model, and there is no such criterion
+    if start.nu or not gain:
+        opposite = [Record.of(e, scales, not gain, records[0].output_weight) for e in experiments]
+        # where the opposite choice has no stable start, there is a candidate less
+        with suppress(SysidError):
+            crossed = minimise(opposite, _starts(start, scales, direct, not gain)[0], directions, CROSSING_STEPS)
+            with_or_without = "without" if gain else "with"
+            model = scales.model(crossed.point.predictor, summary, None)
+            candidates.append((f"{name}, refined {with_or_without} K", model))
     for label, model in candidates:
         try:
             starts = _starts(model, scales, direct, gain)

@@ -85,13 +85,13 @@ class Sensitivities:
         """
         F, b, w = self.F, self.b, record.w
         steps, nw = w.shape
-        k, nu = len(b), record.u.shape[1]
+        k, nu, ny = len(b), record.u.shape[1], e.shape[1]
         responses = free_response(F.T, b[None], steps)[:, 0]
         lags = min(len(responses), steps - 1)
         w_by_w, w_by_e = record.correlations(e, lags)
         x = np.zeros((nw + 1, k, nw + 1))
         by_lag = responses[:lags].T
-        x[:nw, :, :nw] = (by_lag @ w_by_w.reshape(lags, -1)).reshape(k, nw, nw).transpose(1, 0, 2)
+        x[:nw, :, :nw] = (by_lag @ w_by_w.reshape(lags, nw * nw)).reshape(k, nw, nw).transpose(1, 0, 2)
         x[nw, :, :nw] = responses.T @ w[: len(responses)]
         s = np.zeros((nw + 1, nw + 1))
         s[:nw, :nw] = w.T @ w
@@ -111,9 +111,9 @@ class Sensitivities:
         out[:functions, functions:] = x[:, :, :nu].reshape(functions, nu)
         out[functions:, :functions] = out[:functions, functions:].T
         out[functions:, functions:] = s[:nu, :nu]
-        products = np.empty((functions + nu, e.shape[1]))
-        by_channel = (by_lag @ w_by_e.reshape(lags, -1)).reshape(k, nw, -1).transpose(1, 0, 2)
-        products[: nw * k] = by_channel.reshape(nw * k, -1)
+        products = np.empty((functions + nu, ny))
+        by_channel = (by_lag @ w_by_e.reshape(lags, nw * ny)).reshape(k, nw, ny).transpose(1, 0, 2)
+        products[: nw * k] = by_channel.reshape(nw * k, ny)
         products[nw * k : functions] = responses.T @ e[: len(responses)]
         products[functions:] = record.u.T @ e
         return out, products

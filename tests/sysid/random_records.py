@@ -12,6 +12,8 @@ from sysid import IOData
 SHORTEST, LONGEST = 10, 200
 """Samples of an experiment."""
 
+CONDITIONS = ("estimated", "zero", "backcast")
+
 Data = IOData | list[IOData]
 Call = Callable[[Data], object]
 
@@ -77,7 +79,7 @@ def random_calls(rng: np.random.Generator) -> dict[str, Call]:
     nb, nk, order = int(rng.integers(1, 5)), int(rng.integers(0, 4)), int(rng.integers(1, 5))
     options = {
         "coloured": bool(rng.random() < 0.2),
-        "initial_conditions": str(rng.choice(["estimated", "estimated", "zero", "backcast"])),
+        "initial_conditions": str(rng.choice(CONDITIONS, p=(0.75, 0.15, 0.1))),
     }
     kernel = ("tc", "dc", "ss", None)[int(rng.integers(0, 4))]
     process = ("P1", "P2", "P1D", "P1I", "P2Z")[int(rng.integers(0, 5))]
