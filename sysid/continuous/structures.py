@@ -18,6 +18,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
 COINCIDING = 0.99  # ratio of time constants from which they count as one
+SLOW = 1e-9  # pole, relative to the coefficients of the denominator, in place of an integrator
 SPREAD = 1.2  # ratio to their geometric mean of two real time constants in place of a complex pair
 
 
@@ -220,9 +221,16 @@ class ProcessPath:
     def parameters(self, path: TransferFunction) -> FloatArray:
         """Parameters of the transfer function; complex poles of a kind without U become two near real ones."""
         without_integrator = path.a[self.integrators :]
+        if not without_integrator[0]:
+            # a kind without this integrator gets a very slow pole in its place
+            slow_pole = np.eye(1, len(without_integrator))[0] * SLOW * np.abs(without_integrator).max()
+            without_integrator = without_integrator + slow_pole
         gain = path.b[0] / without_integrator[0]
         lags = self._time_constants(np.roots(without_integrator[::-1]))
-        zero = [path.b[1] / path.b[0]] if self.zeros else []
+        zero = []
+        if self.zeros:
+            # of a path without gain at 0 Hz, which the kind cannot hold, the zero starts at infinity
+            zero.append(path.b[1] / path.b[0] if path.b[0] else 0.0)
         delay = [path.delay] if self.delay is None else []
         return np.array([gain, *lags, *zero, *delay])
 

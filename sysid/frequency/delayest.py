@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -10,8 +11,8 @@ from numpy.typing import NDArray
 
 from sysid.polynomial.correlation import covariance_function, prewhitened
 from sysid.polynomial.data_checks import check_excitation
-from sysid.polynomial.least_squares import scaled_triangle
-from sysid.polynomial.regressors import arx_regressors, first_row
+from sysid.polynomial.least_squares import scaled_triangle, triangle_of_blocks
+from sysid.polynomial.regressors import BLOCK, arx_regressors, equation_blocks, first_row
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
@@ -118,11 +119,15 @@ def _p_values_by_arx(experiments: Sequence[IOData], na: int, nb: int, largest: i
         )
     p_values = np.empty((largest + 1, ny, nu))
     for i in range(ny):
-        regressors, targets = [], []
-        for e, start in zip(experiments, starts, strict=True):
-            regressors.append(arx_regressors(e.y[:, i], e.u, na, lags, no_delay, start))
-            targets.append(e.y[start:, i])
-        triangle, _ = scaled_triangle(np.column_stack((np.vstack(regressors), np.concatenate(targets))))
+        if rows > BLOCK:
+            y, u = [e.y[:, i] for e in experiments], [e.u for e in experiments]
+            triangle, _, _ = triangle_of_blocks(partial(equation_blocks, y, u, na, lags, no_delay, starts))
+        else:
+            regressors, targets = [], []
+            for e, start in zip(experiments, starts, strict=True):
+                regressors.append(arx_regressors(e.y[:, i], e.u, na, lags, no_delay, start))
+                targets.append(e.y[start:, i])
+            triangle, _ = scaled_triangle(np.column_stack((np.vstack(regressors), np.concatenate(targets))))
         for j in range(nu):
             first_column = na + j * (largest + nb)
             p_values[:, i, j] = _leading_lags(triangle, first_column, largest + 1, rows - width)

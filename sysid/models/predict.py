@@ -75,9 +75,22 @@ def simulate(
     return states @ m.C.T + inputs @ m.D.T + e
 
 
+LARGEST_TRAJECTORY = 4_000_000  # states times samples that are kept at a time, some 200 MB
+
+
 def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
     """Simulated output (N, ny) for checked inputs."""
-    return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
+    length = max(LARGEST_TRAJECTORY // max(model.order, 1), 1)
+    if len(u) <= length:
+        return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
+    simulated = np.empty((len(u), model.ny))
+    state = x0
+    for begin in range(0, len(u), length):
+        inputs = u[begin : begin + length]
+        states = state_trajectory(model.A, inputs @ model.B.T, state)
+        simulated[begin : begin + length] = states @ model.C.T + inputs @ model.D.T
+        state = model.A @ states[-1] + model.B @ inputs[-1]
+    return simulated
 
 
 def as_model(model: StateSpace | Estimate | Choice) -> StateSpace:

@@ -1,17 +1,18 @@
 """ARX models by linear least squares."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.least_squares import solve
+from sysid.polynomial.least_squares import LeastSquares, solve, solve_triangle, triangle_of_blocks
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
-from sysid.polynomial.regressors import arx_equations, complete_rows
-from sysid.polynomial.regularisation import Kernel, checked_kernel, empirical_bayes
+from sysid.polynomial.regressors import arx_equations, complete_rows, equation_blocks
+from sysid.polynomial.regularisation import Kernel, Posterior, checked_kernel, empirical_bayes, posterior_of_triangle
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.records.arguments import truth_value
 from sysid.records.arrays import FloatArray
@@ -92,13 +93,9 @@ def regression_estimate(
     if shortest <= max(starts):
         raise SysidError(f"the lags reach back {max(starts)} samples, the shortest experiment has {shortest}")
     y, u = [e.y[:, 0] for e in experiments], [e.u for e in experiments]
-    phi, target = arx_equations(y, u, orders.na, orders.nb, orders.nk, starts)
-    complete = complete_rows(phi, target, unknown)
-    # indexing copies the regressors, the largest array of the fit
-    if not complete.all():
-        phi, target = phi[complete], target[complete]
+    equations = Equations(y, u, orders, starts, unknown)
     if kernel is not None and sizes:
-        posterior = empirical_bayes(phi, target, sizes, kernel)
+        posterior = equations.posterior(sizes, kernel)
         theta, covariance, variance = posterior.mean, posterior.covariance, posterior.variance
         diagnostics = {"iterations": 0, "kernel": kernel, **posterior.diagnostics}
         if not diagnostics["converged"]:
@@ -108,8 +105,8 @@ def regression_estimate(
             deviations = np.sqrt(np.diag(covariance))
             messages += _undecayed_responses(theta, deviations, orders.nb, experiments[0].input_names or ())
     else:
-        fit = solve(phi, target[:, None])
-        theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (len(phi) - orders.count)
+        fit, rows = equations.least_squares()
+        theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (rows - orders.count)
         messages += fit.rank_message()
         covariance = variance * fit.inverse_gram
         if coloured:
@@ -127,6 +124,67 @@ def regression_estimate(
         diagnostics=diagnostics,
         messages=messages,
     )
+
+
+LARGEST_TABLE = 16_000_000  # entries of the regressors up to which they are formed at once, 128 MB
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """The complete equations of an ARX model; those of long records are formed in blocks.
+
+    Attributes:
+        y: Outputs of each experiment (N_i,).
+        u: Inputs (N_i, nu).
+        orders: Orders of A and B.
+        starts: First row of each experiment.
+        unknown: Unknown coefficients, which need more equations.
+    """
+
+    y: Sequence[FloatArray]
+    u: Sequence[FloatArray]
+    orders: Orders
+    starts: Sequence[int]
+    unknown: int
+
+    @property
+    def _are_long(self) -> bool:
+        rows = sum(len(yi) - start for yi, start in zip(self.y, self.starts, strict=True))
+        return rows * (self.orders.count + 1) > LARGEST_TABLE
+
+    def least_squares(self) -> tuple[LeastSquares, int]:
+        """Solution, and the number of equations."""
+        if self._are_long:
+            triangle, lengths, rows = self._triangle()
+            return solve_triangle(triangle, lengths, self.orders.count, rows), rows
+        phi, target = self._at_once()
+        return solve(phi, target[:, None]), len(phi)
+
+    def posterior(self, sizes: Sequence[int], kernel: Kernel) -> Posterior:
+        """Solution with a prior on blocks of coefficients of these sizes."""
+        if self._are_long:
+            triangle, lengths, rows = self._triangle()
+            return posterior_of_triangle(triangle, lengths, rows, float(lengths[-1] ** 2), sizes, kernel)
+        phi, target = self._at_once()
+        return empirical_bayes(phi, target, sizes, kernel)
+
+    def _at_once(self) -> tuple[FloatArray, FloatArray]:
+        orders = self.orders
+        phi, target = arx_equations(self.y, self.u, orders.na, orders.nb, orders.nk, self.starts)
+        complete = complete_rows(phi, target, self.unknown)
+        # indexing copies the regressors, the largest array of the fit
+        return (phi, target) if complete.all() else (phi[complete], target[complete])
+
+    def _triangle(self) -> tuple[FloatArray, FloatArray, int]:
+        orders = self.orders
+        triangle, lengths, rows = triangle_of_blocks(
+            lambda: equation_blocks(self.y, self.u, orders.na, orders.nb, orders.nk, self.starts)
+        )
+        if rows <= self.unknown:
+            raise SysidError(
+                f"too many missing samples: {rows} equations are complete, {self.unknown} coefficients need more"
+            )
+        return triangle, lengths, rows
 
 
 def _undecayed_responses(g: FloatArray, deviations: FloatArray, nb: Sequence[int], names: Sequence[str]) -> list[str]:

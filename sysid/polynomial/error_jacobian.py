@@ -256,7 +256,12 @@ def _inverse_covariance_root(c: FloatArray, d: FloatArray, m: int) -> FloatArray
     K = np.zeros((m, 1))
     K[: len(c) - 1, 0] += c[1:]
     K[: len(d) - 1, 0] -= d[1:]
-    covariance = gramian(A, K @ K.T)
+    # rounding moves several roots of D that meet at the unit circle beyond it
+    with np.errstate(over="ignore", invalid="ignore"):
+        covariance = gramian(A, K @ K.T)
+    if not np.isfinite(covariance).all():
+        # a state of infinite variance may take any value at no cost
+        return np.zeros((m, m))
     floor = max(LEAST_VARIANCE, ROUNDING * float(np.trace(covariance)))
     root = np.linalg.cholesky(0.5 * (covariance + covariance.T) + floor * np.eye(m))
     return np.asarray(scipy.linalg.solve_triangular(root, np.eye(m), lower=True))

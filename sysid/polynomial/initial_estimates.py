@@ -483,5 +483,7 @@ def _relative_values(polynomial: FloatArray, groups: Sequence[Sequence[complex]]
     """Modulus of a polynomial at the first root of each group, relative to the sum of the moduli of its terms."""
     values = []
     for root, *_ in groups:
-        values.append(abs(np.polyval(polynomial, root)) / np.polyval(np.abs(polynomial), abs(root)))
+        terms = np.polyval(np.abs(polynomial), abs(root))
+        # without terms, as of a B of zeros, every root is one of the polynomial
+        values.append(abs(np.polyval(polynomial, root)) / terms if terms else 0.0)
     return np.array(values)

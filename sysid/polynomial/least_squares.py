@@ -54,7 +54,7 @@ def solve(phi: FloatArray, target: FloatArray) -> LeastSquares:
     lengths = np.sqrt(np.einsum("ij,ij->j", columns, columns))
     lengths[lengths == 0.0] = 1.0
     columns /= lengths
-    return _solution(triangular_factor(columns), lengths, p, len(phi))
+    return solve_triangle(triangular_factor(columns), lengths, p, len(phi))
 
 
 def solve_blocks(blocks: Callable[[], Iterable[FloatArray]], p: int) -> LeastSquares:
@@ -65,6 +65,12 @@ def solve_blocks(blocks: Callable[[], Iterable[FloatArray]], p: int) -> LeastSqu
             where these would cost too many digits.
         p: Columns of Phi; all blocks together have at least as many rows.
     """
+    triangle, lengths, rows = triangle_of_blocks(blocks)
+    return solve_triangle(triangle, lengths, p, rows)
+
+
+def triangle_of_blocks(blocks: Callable[[], Iterable[FloatArray]]) -> tuple[FloatArray, FloatArray, int]:
+    """`scaled_triangle` of columns that come as blocks of rows, computed anew for each pass, and the number of rows."""
     gram, rows = np.zeros((0, 0)), 0
     for block in blocks():
         gram = gram + block.T @ block if rows else block.T @ block
@@ -76,7 +82,7 @@ def solve_blocks(blocks: Callable[[], Iterable[FloatArray]], p: int) -> LeastSqu
         triangle = np.zeros((0, len(lengths)))
         for block in blocks():
             triangle = np.asarray(np.linalg.qr(np.vstack((triangle, block / lengths)), mode="r"))
-    return _solution(triangle, lengths, p, rows)
+    return triangle, lengths, rows
 
 
 def refuse_overflow(products: FloatArray) -> None:
@@ -89,8 +95,8 @@ def refuse_overflow(products: FloatArray) -> None:
         raise SysidError("the regressors overflow: rounding makes filters of so many coefficients unstable; use fewer")
 
 
-def _solution(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> LeastSquares:
-    """Solution from the triangle of [Phi Y], its columns divided by their lengths."""
+def solve_triangle(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> LeastSquares:
+    """Solve from the triangle of [Phi Y], its columns divided by their lengths, as many as Phi has p."""
     refuse_overflow(triangle)
     triangle[:, p:] *= lengths[p:]
     left, values, right = np.linalg.svd(triangle[:p, :p])

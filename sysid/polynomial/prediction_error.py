@@ -432,6 +432,58 @@ def search(
     return Search(best, costs, chosen)
 
 
+STRETCHES = 5  # of each long experiment that are searched, spread over it
+STRETCH = 4000  # samples of each: long beside the memory of most systems
+
+
+def search_of_long_records(
+    experiments: Sequence[IOData],
+    initial_estimates: Callable[[Sequence[IOData], Orders], Iterable[InitialEstimate]],
+    find: partial[Search],
+) -> Search | None:
+    """Search stretches of long records, then refine their minimum with all samples; None if that is not the minimum.
+
+    Several minima are as many in 20,000 samples as in a million, and the search among them costs a fiftieth. The first
+    initial estimate of all samples, refined by a few steps, must not lead below the minimum. Records whose stretches
+    cannot be fitted, as those with a single step of the input, are searched as a whole by the caller.
+
+    Args:
+        experiments: The data, without gaps.
+        initial_estimates: Initial estimates of a structure from data, the best methods first.
+        find: `search` with the structure, the limit on the steps and the initial conditions.
+    """
+    orders, initial_conditions = find.keywords["orders"], find.keywords["initial_conditions"]
+    stretches = _stretches(experiments)
+    try:
+        result = find(stretches, partial(initial_estimates, stretches))
+    except SysidError:
+        return None
+    if not result.best.converged:
+        return None
+    refine = Refinement(experiments, orders, find.keywords["max_iterations"], initial_conditions)
+    best = refine(result.best.at.theta)
+    rival = next((start for start in initial_estimates(experiments, orders) if admissible(orders, start.theta)), None)
+    if rival is None or not best.converged or best.iterations > EASY:
+        return None
+    screened = refine(rival.theta, SCREENING_STEPS, best.at.cost)
+    if refine.samples * (best.at.cost - screened.at.cost) > AGREED * best.at.cost:
+        return None
+    costs = {f"{len(stretches)} stretches, {result.start}": best.at.cost, rival.name: screened.at.cost}
+    return Search(best, costs, next(iter(costs)))
+
+
+def _stretches(experiments: Sequence[IOData]) -> list[IOData]:
+    """Stretches spread over long experiments, and all of short ones."""
+    stretches = []
+    for experiment in experiments:
+        if len(experiment) <= STRETCHES * STRETCH:
+            stretches.append(experiment)
+            continue
+        for first in np.linspace(experiment.window, len(experiment) - STRETCH, STRETCHES).astype(int).tolist():
+            stretches.append(experiment[first : first + STRETCH])
+    return stretches
+
+
 def _smaller_minima(
     search_below: Callable[..., Search], orders: Orders, max_iterations: int, *, neighbours: bool
 ) -> Iterator[tuple[Orders, Search]]:

@@ -4,7 +4,7 @@ y(t) = b1 u(t - nk) + b2 u(t - nk - 1) + ...: with nk = 1 the output depends on 
 nk = 0 there is a direct term. B(q) carries nk leading zeros.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,26 @@ def arx_equations(
         rows.append(arx_regressors(yi, ui, na, nb, nk, start))
         targets.append(yi[start:])
     return np.vstack(rows), np.concatenate(targets)
+
+
+BLOCK = 2**16  # rows of a regression of a long record that are formed at a time
+
+
+def equation_blocks(
+    y: Sequence[FloatArray],
+    u: Sequence[FloatArray],
+    na: int,
+    nb: Sequence[int],
+    nk: Sequence[int],
+    starts: Sequence[int],
+) -> Iterator[FloatArray]:
+    """`arx_equations` as blocks [Phi y] of at most `BLOCK` rows, without those that have a missing sample."""
+    for yi, ui, start in zip(y, u, starts, strict=True):
+        for begin in range(start, len(yi), BLOCK):
+            signals = slice(begin - start, min(begin + BLOCK, len(yi)))
+            phi = arx_regressors(yi[signals], ui[signals], na, nb, nk, start)
+            block = np.column_stack((phi, yi[signals][start:]))
+            yield block[np.isfinite(block).all(axis=1)]
 
 
 def complete_rows(phi: FloatArray, target: FloatArray, unknown: int) -> NDArray[np.bool_]:

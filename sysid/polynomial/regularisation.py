@@ -94,10 +94,17 @@ def empirical_bayes(phi: FloatArray, target: FloatArray, sizes: Sequence[int], k
     The regressors (rows, p), of which there may be fewer than coefficients, belong to blocks of these sizes; the
     right-hand side (rows,) is not zero.
     """
-    rows, p = len(phi), phi.shape[1]
     triangle, lengths = scaled_triangle(np.column_stack((phi, target)))
+    return posterior_of_triangle(triangle, lengths, len(phi), float(target @ target), sizes, kernel)
+
+
+def posterior_of_triangle(
+    triangle: FloatArray, lengths: FloatArray, rows: int, power: float, sizes: Sequence[int], kernel: Kernel
+) -> Posterior:
+    """`empirical_bayes` from the triangle of [Phi y] with columns divided by their lengths, `power` that of y."""
+    p = len(lengths) - 1
     # in units of the output, the bounds of the scales hold for data of any unit
-    size = float(np.sqrt(target @ target / rows))
+    size = float(np.sqrt(power / rows))
     x, y = triangle[:, :p] * lengths[:p], triangle[:, p] * lengths[p]
     evidence = Evidence(x / size, y / size, rows, tuple(sizes), kernel)
     regressor_power = np.sum(x**2, axis=0) / size**2 / rows

@@ -19,7 +19,9 @@ def stable_gain(A: FloatArray, C: FloatArray, K: FloatArray, covariance: FloatAr
     # only the ratios of the innovation variances matter
     r = covariance / max(float(np.trace(covariance)), np.finfo(float).tiny)
     try:
-        P = scipy.linalg.solve_discrete_are(A.T, C.T, K @ r @ K.T, r, s=K @ r)
+        # the solver casts a scale that is NaN to integers where the pencil has no finite one, and refuses later
+        with np.errstate(invalid="ignore"):
+            P = scipy.linalg.solve_discrete_are(A.T, C.T, K @ r @ K.T, r, s=K @ r)
         innovation = C @ P @ C.T + r
         factor = np.linalg.solve(innovation.T, (A @ P @ C.T + K @ r).T).T
     except (np.linalg.LinAlgError, ValueError):

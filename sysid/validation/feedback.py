@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import scipy
@@ -88,8 +89,9 @@ def feedback(
             f"experiment(s) have {rows}; pass smaller lags"
         )
     p_values = np.empty((first.ny, first.nu))
+    test = _long_feedback_p if rows > BLOCK else _feedback_p
     for i, j in np.ndindex(p_values.shape):
-        p_values[i, j] = _feedback_p(usable, i, j, lags, lowest)
+        p_values[i, j] = test(usable, i, j, lags, lowest)
     return FeedbackTest(p_values, level, first.output_names or (), first.input_names or ())
 
 
@@ -111,6 +113,38 @@ def _feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest
         target.append(experiment.y[start : len(experiment) - lags, i])
     columns = np.hstack((np.vstack(future), np.vstack(past)))
     return addition_p(columns, lags + lowest, np.concatenate(target))
+
+
+def _long_feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest: int) -> float:
+    """`_feedback_p` of long records, in blocks of rows."""
+    nu = experiments[0].nu
+    spans = [(e, max(lags, e.window), len(e) - lags) for e in experiments]
+    rows = sum(end - start for _, start, end in spans)
+    signals = [(None, lag) for lag in range(1, lags + 1)]
+    for k in range(nu):
+        signals += [(k, lag) for lag in range(lowest if k == j else 0, lags + 1)]
+    signals = [(j, lag) for lag in range(-lags, lowest)] + signals
+
+    def column(experiment: IOData, k: int | None, lag: int, begin: int, end: int) -> FloatArray:
+        signal = experiment.y[:, i] if k is None else experiment.u[:, k]
+        return signal[begin - lag : end - lag]
+
+    # the target is the output at lag zero
+    signals.append((None, 0))
+    means = []
+    for k, lag in signals:
+        means.append(sum(float(column(e, k, lag, start, end).sum()) for e, start, end in spans) / rows)
+
+    def blocks(first: int) -> Iterator[FloatArray]:
+        for e, start, end in spans:
+            for begin in range(start, end, BLOCK):
+                last = min(begin + BLOCK, end)
+                yield np.column_stack([column(e, k, lag, begin, last) for k, lag in signals[first:]]) - means[first:]
+
+    added, count = lags + lowest, len(signals) - 1
+    total = sum(float(np.sum(block[:, -1] ** 2)) for block in blocks(count))
+    full, nested = solve_blocks(partial(blocks, 0), count), solve_blocks(partial(blocks, added), count - added)
+    return _p_of_addition(full, nested, total, rows)
 
 
 def feedback_p(experiments: Sequence[IOData], lags: int = 20) -> FloatArray:
@@ -135,17 +169,22 @@ def addition_p(columns: FloatArray, added: int, target: FloatArray) -> float:
     columns -= columns.mean(axis=0)
     total = float(y[:, 0] @ y[:, 0])
     full = _solution(columns, y)
+    nested = _solution(columns[:, added:], y) if columns.shape[1] > added else None
+    return _p_of_addition(full, nested, total, len(y))
+
+
+def _p_of_addition(full: LeastSquares, nested: LeastSquares | None, total: float, rows: int) -> float:
+    """p-value of `addition_p` from the solutions with all columns and with the others alone, if there are any."""
     # the constant takes a degree of freedom too
-    freedom = len(y) - full.rank - 1
+    freedom = rows - full.rank - 1
     without, count = total, full.rank
-    if columns.shape[1] > added:
-        nested = _solution(columns[:, added:], y)
+    if nested is not None:
         # rounding can make it larger than with no columns at all
         without, count = min(float(nested.residual_gram[0, 0]), total), full.rank - nested.rank
     if count < 1 or freedom < 1:
         return float("nan")
     residual = float(full.residual_gram[0, 0])
-    if columns.shape[1] > added and without <= ROUNDING * total:
+    if nested is not None and without <= ROUNDING * total:
         # the others explain everything: what is left is rounding, and no test of it means anything
         return 1.0
     explained = max(without - residual, 0.0)
