@@ -168,8 +168,7 @@ ROUNDING = 1e-14  # singular value of the scaled Jacobian, relative to the large
 COLOUR = 30  # highest order of the autoregressive model of a coloured disturbance
 ROWS_PER_COEFFICIENT = 20  # least number of errors per coefficient of that model
 LONG = 100_000  # samples beyond which stretches of the records are searched first
-SHORT = 50.0  # samples per parameter from which on intervals by linear propagation hold whatever the noise
-REACH = 2.0  # standard deviations of a root of C or D within which the unit circle spoils such intervals
+MEMORY = 8.0  # time constants of a root of C or D in a record, up to which intervals are known to fail
 EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 
@@ -223,7 +222,7 @@ def prediction_error_estimate(
     half, condition = directions(at)
     covariance = _covariance(experiments, orders, at, half, variance, initial_conditions, coloured=coloured)
     messages += _search_messages(method, orders, result.best, condition)
-    messages += _uncertain_memory(orders, at, covariance)
+    messages += _long_memory(orders, at)
     warn_each(messages, stacklevel=3)
     return make_estimate(
         method,
@@ -331,40 +330,18 @@ def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
     return messages
 
 
-def _uncertain_memory(orders: Orders, at: Linearisation, covariance: FloatArray) -> list[str]:
-    """Messages on roots of C and D whose intervals reach the unit circle in a short record.
+def _long_memory(orders: Orders, at: Linearisation) -> list[str]:
+    """Messages on roots of C and D with a memory that is long beside the record.
 
-    There the criterion is no parabola within the interval: of 300 records of 80 samples, 95 % intervals of C and D hold
-    the truth in 93 % of those without such a root and in half of those with one, whether J' J or the curvature of the
-    criterion makes the covariance.
+    DOCCLAIM
     """
-    if at.errors >= SHORT * orders.count:
-        return []
     _, _, c, d, _ = orders.split(at.theta)
-    _, _, of_c, of_d, _ = orders.ranges
     messages = []
-    for name, polynomial, positions in (("C", c, of_c), ("D", d, of_d)):
-        radius, deviation = _largest_root(polynomial, covariance[positions, positions])
-        if 1.0 - EDGE >= radius > 1.0 - REACH * deviation:
+    for name, polynomial in (("C", c), ("D", d)):
+        radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
+        if 1.0 - EDGE >= radius > 1.0 - MEMORY / at.errors:
             messages.append(
-                f"{name} has a root of modulus {radius:.2g} with a standard deviation of {deviation:.1g}, which so "
-                "short a record cannot tell from the unit circle: intervals of the noise model are too narrow"
+                f"{name} has a root of modulus {radius:.3g}, whose memory {at.errors} samples hardly resolve: intervals "
+                "of the noise model are too narrow"
             )
     return messages
-
-
-def _largest_root(polynomial: FloatArray, covariance: FloatArray) -> tuple[float, float]:
-    """Largest modulus of the roots of a monic polynomial, and its standard deviation by linear propagation.
-
-    A root z moves by dz = -z^(n-i) / p'(z) dc_i with the coefficient c_i of p(z) = z^n + c_1 z^(n-1) + ...
-    """
-    roots = np.roots(polynomial)
-    if not len(roots):
-        return 0.0, 0.0
-    z = roots[np.argmax(np.abs(roots))]
-    slope = np.polyval(np.polyder(polynomial), z)
-    if abs(z) == 0.0 or abs(slope) == 0.0:
-        return float(abs(z)), 0.0
-    powers = z ** np.arange(len(polynomial) - 2, -1, -1)
-    derivative = np.real(-np.conj(z) / abs(z) * powers / slope)
-    return float(abs(z)), float(np.sqrt(max(derivative @ covariance @ derivative, 0.0)))

@@ -120,10 +120,11 @@ def _long_feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, l
     nu = experiments[0].nu
     spans = [(e, max(lags, e.window), len(e) - lags) for e in experiments]
     rows = sum(end - start for _, start, end in spans)
-    signals = [(None, lag) for lag in range(1, lags + 1)]
+    # each regressor by its input, or None for the output, and its lag
+    signals: list[tuple[int | None, int]] = [(j, lag) for lag in range(-lags, lowest)]
+    signals += [(None, lag) for lag in range(1, lags + 1)]
     for k in range(nu):
         signals += [(k, lag) for lag in range(lowest if k == j else 0, lags + 1)]
-    signals = [(j, lag) for lag in range(-lags, lowest)] + signals
 
     def column(experiment: IOData, k: int | None, lag: int, begin: int, end: int) -> FloatArray:
         signal = experiment.y[:, i] if k is None else experiment.u[:, k]
@@ -132,8 +133,8 @@ def _long_feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, l
     # the target is the output at lag zero
     signals.append((None, 0))
     means = []
-    for k, lag in signals:
-        means.append(sum(float(column(e, k, lag, start, end).sum()) for e, start, end in spans) / rows)
+    for source, lag in signals:
+        means.append(sum(float(column(e, source, lag, start, end).sum()) for e, start, end in spans) / rows)
 
     def blocks(first: int) -> Iterator[FloatArray]:
         for e, start, end in spans:

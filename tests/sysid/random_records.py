@@ -79,6 +79,8 @@ def random_calls(rng: np.random.Generator) -> dict[str, Call]:
     nb, nk, order = int(rng.integers(1, 5)), int(rng.integers(0, 4)), int(rng.integers(1, 5))
     options = {
         "coloured": bool(rng.random() < 0.2),
+        # few steps: what the searches refuse or break does not wait for the minimum
+        "max_iterations": 8,
         "initial_conditions": str(rng.choice(CONDITIONS, p=(0.75, 0.15, 0.1))),
     }
     kernel = ("tc", "dc", "ss", None)[int(rng.integers(0, 4))]

@@ -159,3 +159,18 @@ def test_forecast_with_inputs_is_the_simulation_from_the_last_state():
     refused("future inputs", sysid.forecast, estimate, noisy, 5)
     refused("one row per step", sysid.forecast, estimate, noisy, 5, noisy.u[:4])
     refused("innovation covariance", sysid.forecast, replace(MODEL, innovation_covariance=None), DATA, 5)
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_a_smaller_structure_without_parameters():
+    """A decaying oscillation of 100 samples a period: the search tries arma(1, 1) and then a model of noise alone."""
+    z = np.exp((-0.01 + 1j) * 2.0 * np.pi / 100.0)
+    y = np.real(z ** np.arange(300)) + 1e-4 * np.random.default_rng(0).standard_normal(300)
+    assert sysid.arma(IOData(None, y, 1.0), 2, 2).noise_variance[0, 0] < 1e-6
+
+
+def test_a_short_record_warns_of_a_root_near_the_unit_circle():
+    rng = np.random.default_rng(0)
+    y = lfilter([1.0, 0.95], [1.0, -0.5], rng.standard_normal(80))
+    with pytest.warns(SysidWarning, match="(cannot tell from the unit circle|edge of stability)"):
+        sysid.arma(IOData(None, y, 1.0), 1, 1)

@@ -4,14 +4,35 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData, Polynomials, polyest
+from sysid.design import maximum_length_sequence
 from sysid.models import innovations_form
-from sysid.polynomial.orders import Orders
+from sysid.polynomial.orders import Orders, make_orders
+from sysid.polynomial.prediction_error import minimise
 from sysid.validation import cramer_rao_bound
 from tests.refusals import refused
 from tests.sysid.systems import in_feedback, losing, near, second_order
 
 TRUTH = Polynomials(A=[1, -1.2, 0.6], B=[0, 1, 0.5], C=[1, 0.4], D=[1, 0.7], F=[1, -0.8])
 PARAMETERS = Orders.of(TRUTH).parameters(TRUTH)
+
+
+def random_roots(rng, degree, radius):
+    """Roots inside the given radius, complex pairs and real ones mixed; of a pair the first."""
+    degrees = 0
+    while degrees < degree:
+        modulus = radius * np.sqrt(rng.uniform(0.1, 1.0))
+        if degree - degrees >= 2 and rng.random() < 0.6:
+            yield modulus * np.exp(1j * rng.uniform(0.05, 2.5))
+            degrees += 2
+        else:
+            yield modulus * rng.choice([1.0, 1.0, -1.0])
+            degrees += 1
+
+
+def random_polynomial(rng, degree, radius):
+    """Monic, with random roots."""
+    roots = [part for root in random_roots(rng, degree, radius) for part in {root, np.conj(root)}]
+    return np.atleast_1d(np.poly(roots).real)
 
 
 def record(seed=0, samples=2000, noise=1.0, inputs=1):
@@ -82,3 +103,21 @@ def test_refusals():
     data = record(samples=100)
     refused("expected an input", polyest, IOData(None, data.y, 0.1), 1, 1, 1, 1, 1)
     refused("too many orders for the data", polyest, data[:40], 6, 6, 6, 6, 6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [20, 68])
+def test_roots_of_a_and_f_are_not_exchanged(seed):
+    """Random systems; a search that starts from A alone ends 100 information units above the minimum by the truth."""
+    rng = np.random.default_rng(seed)
+    n, nk, hold = int(rng.integers(2, 6)), int(rng.integers(1, 4)), int(rng.choice([1, 2, 5]))
+    f, a, c = (random_polynomial(rng, degree, radius) for degree, radius in ((n, 0.985), (1, 0.985), (1, 0.9)))
+    b = np.concatenate((np.zeros(nk), rng.standard_normal(n)))
+    u = maximum_length_sequence(2500, 12, clock=hold)
+    noise_free, noise = lfilter(b, np.convolve(a, f), u), lfilter(c, a, rng.standard_normal(2500))
+    noise *= np.std(noise_free[500:]) / np.std(noise[500:]) / 10 ** (rng.uniform(5, 40) / 20)
+    record = IOData(u[500:], (noise_free + noise)[500:], 1.0)
+    estimate = polyest(record, 1, n, 1, 0, n, nk)
+    orders = make_orders(1, na=1, nb=n, nc=1, nd=0, nf=n, nk=nk)
+    by_truth = minimise([record], orders, orders.join(a, [b], c, np.ones(1), [f]), max_iterations=200)
+    assert 2000 * (estimate.diagnostics["sum_of_squares"] / by_truth.at.cost - 1.0) < 1.0
