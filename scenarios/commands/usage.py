@@ -38,6 +38,7 @@ ADVICE = {
     ("several-times", "time"): "--time NAME",
     ("not-a-number", "time_unit"): ", or in --time-unit",
     ("lost-samples", "missing"): "; --missing takes NaN or empty cells among outputs",
+    ("lost-inputs", "missing"): "; --missing takes these rows for lost ones",
     ("other-channels", "names"): "; read the record as that of the model, by --input and --output or by --joint",
 }
 """Advice on options of commands, by the code of the analyst's message and the argument that it advises."""

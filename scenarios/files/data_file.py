@@ -15,7 +15,7 @@ from hmtb_twin.files.netcdf import stated_format
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.record_file import ENDINGS, is_record, read_records, write_record
 from sysid import IOData
-from sysid.records.importers import SAME_INTERVAL
+from sysid.records.importers import SAME_INTERVAL, Choice, experiments_of
 
 KINDS = f"{', '.join(ENDINGS.values())}, .mcap, .bag, a rosbag2 folder or a table as text (.txt, .dat, ...)"
 """Kinds of data files, for messages."""
@@ -119,9 +119,9 @@ def read_parts(
         inputs = tuple(f"{name}_commanded" for name in joints)
         outputs = tuple(f"{name}_measured" for name in joints)
     try:
-        return sysid.read_experiments(
-            path, inputs=inputs, outputs=outputs, time=time, time_unit=time_unit, dt=dt, missing=missing
-        )
+        # Everything that reads files here takes missing outputs, which lost samples are; interpolated ones bias a model.
+        choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True, lost_missing=True)
+        return experiments_of(path, choice)
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
 

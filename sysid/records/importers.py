@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.records.arguments import channel_names, optional_text, real_number, shown
 from sysid.records.arrays import FloatArray
@@ -22,12 +23,24 @@ from sysid.records.time_grid import Signal, experiments, period
 from sysid.records.time_stamps import Column, Place, Stamps, interval_unit, is_time, stamps, time_column
 
 STATED = "dt as given"  # origin of an interval in messages: the argument
+MOST_LOST = 0.05  # largest share of rows without input that count as lost: those that `period` takes for losses
 SAME_INTERVAL = 1e-3  # two intervals closer than this part are one, written with few digits
 
 
 @dataclass(frozen=True)
 class Choice:
-    """Columns and times to read, as in `read_csv`, and whether gaps cut a record into experiments."""
+    """Columns and times to read, as in `read_csv`, and how to treat lost samples.
+
+    Attributes:
+        inputs: Names of the inputs.
+        outputs: Names of the outputs.
+        time: Name of the times; None concludes it.
+        time_unit: Their unit.
+        dt: Sampling interval, s.
+        missing: Whether outputs may be missing in the file, and inputs of rows that then count as lost.
+        cut: Whether gaps cut a record into experiments.
+        lost_missing: Whether samples that were lost between stamps are missing outputs, instead of interpolated ones.
+    """
 
     inputs: Sequence[str]
     outputs: Sequence[str]
@@ -36,6 +49,7 @@ class Choice:
     dt: float | None
     missing: bool
     cut: bool = False
+    lost_missing: bool = False
 
     def __post_init__(self) -> None:
         for side in ("inputs", "outputs"):
@@ -72,7 +86,9 @@ def read_csv(
 
     Times are numbers or texts as `2026-01-31T12:00:00.5` or `12:00:00.5`. Their unit is that of the name, as in `Time
     (ms)` or `stamp_ns`; stamps since 1970 in s, ms, µs or ns are known by their size; others are in s. Samples whose
-    stamps jitter are put on a uniform grid, steps above 2.5 intervals are gaps; a `SysidWarning` says what was done.
+    stamps jitter are put on a uniform grid, steps above 2.5 intervals are gaps; a `SysidWarning` says what was done. A
+    single lost row is interpolated, or with `missing` a missing output; `read_experiments` cuts there if it can, since
+    the input of a lost row is not known.
 
     Args:
         path: The file.
@@ -83,7 +99,8 @@ def read_csv(
         time_unit: Unit of the times: s, ms, us, ns, min or h.
         dt: Sampling interval, s. Required unless the file has times or a constant column `dt`; must agree with them
             otherwise, and samples whose stamps jitter are then taken for uniform ones, if none was lost.
-        missing: Whether outputs may be missing: empty cells or `nan`. Gaps of the times are refused all the same.
+        missing: Whether outputs may be missing: empty cells or `nan`. Rows without input then count as lost, up to
+            5 %. Gaps of the times are refused all the same.
 
     Returns:
         The record, named after the file.
@@ -211,7 +228,8 @@ def read_experiments(
         time: Name of the times.
         time_unit: Unit of the times.
         dt: Sampling interval, s.
-        missing: Whether outputs may be missing: empty cells or NaN. Gaps of the stamps always cut a record.
+        missing: Whether outputs may be missing: empty cells or NaN; rows without input then count as lost. Gaps of the
+            stamps always cut a record, and lost rows a table if its parts are long.
 
     Returns:
         The records, of one interval.
@@ -219,7 +237,11 @@ def read_experiments(
     Raises:
         SysidError: As in `read_csv`; different intervals.
     """
-    choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True)
+    return experiments_of(paths, Choice(inputs, outputs, time, time_unit, dt, missing, cut=True))
+
+
+def experiments_of(paths: str | Path | Sequence[str | Path], choice: Choice) -> tuple[IOData, ...]:
+    """Do the work of `read_experiments`, for callers that choose more than it offers."""
     several = (paths,) if isinstance(paths, str | Path) else paths
     if not isinstance(several, Iterable):
         raise SysidError(f"expected the paths of data files, got {shown(paths)}")
@@ -313,9 +335,11 @@ def records_of(
         clock = Stamps(interval * np.arange(count, dtype=np.float64), 0.0, ())
     if len(clock.seconds) != count:
         raise SysidError(f"{file.name}: {clock_name} has {len(clock.seconds)} samples, the channels have {count}")
+    known, remark = _rows_with_inputs(columns, choice, file, place)
     signals: dict[str, Signal] = {}
+    seconds = clock.seconds[known]
     for name in choice.channels:
-        signals[name] = _signal(name, clock.seconds, columns[name], units.get(name, ""))
+        signals[name] = _signal(name, seconds, columns[name][known], units.get(name, ""))
     return experiments(
         [signals[name] for name in choice.inputs],
         [signals[name] for name in choice.outputs],
@@ -326,8 +350,43 @@ def records_of(
         resolution=clock.resolution,
         # An interval that the user states is that of the samples, whose stamps then only jitter.
         nominal=len(intervals) > 1,
-        remarks=(*remarks, *clock.remarks),
+        remarks=(*remarks, *clock.remarks, *remark),
+        lost_missing=choice.lost_missing,
     )
+
+
+def _rows_with_inputs(
+    columns: Mapping[str, Column], choice: Choice, file: Path, place: Place
+) -> tuple[slice | NDArray[np.bool_], tuple[str, ...]]:
+    """Rows (N,) whose inputs are all known, and a remark on the others, which count as lost.
+
+    Raises:
+        SysidError: Inputs are missing without `missing`, or so many that a column may be logged only when it changes.
+    """
+    unknown = {}
+    for name in choice.inputs:
+        values = columns[name]
+        if values.dtype.kind == "f" and np.isnan(values).any():
+            unknown[name] = np.isnan(values.reshape(len(values), -1)).any(axis=1)
+    if not unknown:
+        return slice(None), ()
+    name, mask = max(unknown.items(), key=lambda item: int(item[1].sum()))
+    where = f"{file.name}, {place(int(np.argmax(mask)))}"
+    count = f"{int(mask.sum())} of {len(mask)} samples of input {name!r} are empty or NaN"
+    if mask.mean() > MOST_LOST:
+        raise SysidError(
+            f"{where}: {count}; expected {MOST_LOST:.0%} at most. An input that is logged only when it changes must be "
+            f"filled first, each empty cell with the value above it: pandas.DataFrame.ffill, MATLAB fillmissing"
+        )
+    if not choice.missing:
+        advice = "; missing=True takes these rows for lost ones"
+        message = (
+            f"{where}: {count}; expected all inputs{advice}; where the input is logged only when it changes, "
+            "fill each empty cell with the value above it"
+        )
+        raise SysidError(Message(message, "lost-inputs", missing=advice))
+    rows = ~np.any([*unknown.values()], axis=0)
+    return rows, (f"{int((~rows).sum())} rows without input count as lost",)
 
 
 def _check_channels(columns: Mapping[str, Column], choice: Choice, file: Path) -> None:
@@ -422,7 +481,16 @@ def _from_log(file: Path, choice: Choice) -> tuple[IOData, ...]:
     if choice.time_unit is not None:
         raise SysidError(f"{file.name}: time_unit={shown(choice.time_unit)}, but stamps of messages are in ns")
     u, y, remark = message_signals(file, choice.inputs, choice.outputs, choice.time)
-    return experiments(u, y, choice.dt, missing=choice.missing, cut=choice.cut, name=file.name, remarks=(remark,))
+    return experiments(
+        u,
+        y,
+        choice.dt,
+        missing=choice.missing,
+        cut=choice.cut,
+        name=file.name,
+        remarks=(remark,),
+        lost_missing=choice.lost_missing,
+    )
 
 
 _LOADERS = {".mat": _from_mat, ".nc": _from_netcdf, ".mcap": _from_log, ".bag": _from_log, ".db3": _from_log}

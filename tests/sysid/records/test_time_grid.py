@@ -86,7 +86,42 @@ def test_gaps_cut_a_record_also_where_outputs_may_be_missing():
     assert [(len(part), round(part.start / DT)) for part in parts] == [(100, 0), (90, 110), (146, 254)]
     empty = y._replace(values=np.where(np.arange(len(keep))[:, None] == 70, np.nan, y.values))
     lossy = put(u, empty, missing=True, cut=True, says=text.replace("\\", "") + ": cut there into 3")
-    assert [(len(part), int((~part.known).sum())) for part in lossy] == [(100, 1), (90, 0), (146, 0)]
+    assert [(len(part), int((~part.known).sum())) for part in lossy] == [(100, 2), (90, 0), (146, 0)]
+
+
+def test_a_table_is_cut_at_lost_rows_whose_inputs_nobody_knows():
+    u, y = (
+        one._replace(times=np.delete(one.times, [150, 290]), values=np.delete(one.values, [150, 290], axis=0))
+        for one in integrator(DT * np.arange(N))
+    )
+    says = "2 row(s) lost between stamps, of which the inputs are not known: cut there into 3 experiment(s)"
+    parts = put(u, y, cut=True, says=says)
+    assert [len(part) for part in parts] == [150, 139, N - 291]
+    for part in parts:
+        np.testing.assert_allclose(*increments(part), atol=1e-12)
+
+
+def test_lost_samples_are_missing_where_parts_would_be_short():
+    lost = np.arange(30, N - 1, 40)
+    u, y = (
+        one._replace(times=np.delete(one.times, lost), values=np.delete(one.values, lost, axis=0))
+        for one in integrator(DT * np.arange(N))
+    )
+    (record,) = put(u, y, cut=True, lost_missing=True, says=f"{len(lost)} of {N} samples are missing")
+    np.testing.assert_array_equal(np.flatnonzero(~record.known[:, 0]), lost)
+    (record,) = put(u, y, cut=True, says=f"{len(lost)} of {N} samples of the outputs are interpolated")
+    assert record.complete
+    # NaN of the file is refused all the same.
+    y.values[3] = np.nan
+    refused("NaN or infinite, the first in channel 0 at index 3", put, u, y, cut=True, lost_missing=True)
+
+
+def test_a_late_sample_is_no_lost_row():
+    times = DT * np.arange(N)
+    times[200] += 0.7 * DT
+    u, y = integrator(times)
+    (record,) = put(u, y, cut=True, says="1 of 400 samples of the outputs are interpolated linearly")
+    assert len(record) == N
 
 
 @pytest.mark.parametrize(
