@@ -97,7 +97,18 @@ def track(
         if is_record:
             if duration is not None or seed is not None:
                 raise ScenarioError("--duration and --seed are for scenarios; leave them out for a record")
-            read = partial(read_parts, path, joint=joint, input=input, output=output, dt=dt, time=time, test=test)
+            # Tracking takes one record without missing outputs.
+            read = partial(
+                read_parts,
+                path,
+                joint=joint,
+                input=input,
+                output=output,
+                dt=dt,
+                time=time,
+                test=test,
+                interpolate=True,
+            )
             record, remarks = _read(read, path)
             log = log_of(path)
         elif path.suffix not in ("", ".toml"):

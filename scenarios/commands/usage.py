@@ -34,6 +34,7 @@ STRAY = {
 ADVICE = {
     ("several-intervals", "dt"): "--dt",
     ("no-interval", "dt"): "or --dt SECONDS",
+    ("counter", "dt"): "--dt SECONDS",
     ("no-interval", "time"): "--time NAME",
     ("several-times", "time"): "--time NAME",
     ("not-a-number", "time_unit"): ", or in --time-unit",

@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -51,6 +52,7 @@ def read_parts(
     time_unit: str | None = None,
     test: str | None = None,
     missing: bool = False,
+    interpolate: bool = False,
 ) -> tuple[IOData, ...]:
     """Read inputs and outputs from a file, cut where inputs were lost and at gaps of the times of a table.
 
@@ -65,6 +67,8 @@ def read_parts(
         time_unit: Unit of the times: s, ms, us, ns, min or h.
         test: Test of a 1553 record, by name or number, if it holds several.
         missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
+        interpolate: Whether outputs of a table are interpolated at single lost samples, for what takes one record
+            without missing outputs. Otherwise the record is cut there if its parts are long, else they are missing.
 
     Returns:
         One record, or as many as there are stretches of inputs; lost outputs are declared as missing. A damaged 1553
@@ -119,8 +123,8 @@ def read_parts(
         inputs = tuple(f"{name}_commanded" for name in joints)
         outputs = tuple(f"{name}_measured" for name in joints)
     try:
-        # Everything that reads files here takes missing outputs, which lost samples are; interpolated ones bias a model.
-        choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True, lost_missing=True)
+        lost: Literal["interpolated", "missing"] = "interpolated" if interpolate else "missing"
+        choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True, lost=lost)
         return experiments_of(path, choice)
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error

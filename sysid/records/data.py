@@ -398,7 +398,10 @@ def _channels(name: str, value: FloatArray, *, missing: bool = False) -> FloatAr
         count = int((~np.isfinite(table)).sum())
         text = f"{name}: {count} sample(s) NaN or infinite, the first in channel {channel} at index {index}"
         if name != "y":
-            raise SysidError(text)
+            raise SysidError(
+                f"{text}; expected complete inputs: cut the data there into experiments, or fill in the value that was "
+                "held if the input is logged only when it changes"
+            )
         advice = "; missing=True takes NaN for samples that were lost"
         raise SysidError(Message(text + advice, "lost-samples", missing=advice))
     out = real_array(name, value)

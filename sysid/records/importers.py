@@ -19,8 +19,8 @@ from sysid.records.mat_variables import read_variables
 from sysid.records.message_logs import message_signals
 from sysid.records.netcdf_columns import netcdf_columns
 from sysid.records.text_columns import text_columns
-from sysid.records.time_grid import Signal, experiments, period
-from sysid.records.time_stamps import Column, Place, Stamps, interval_unit, is_time, stamps, time_column
+from sysid.records.time_grid import Lost, Signal, experiments, period
+from sysid.records.time_stamps import Column, Place, Stamps, interval_unit, is_counter, is_time, stamps, time_column
 
 STATED = "dt as given"  # origin of an interval in messages: the argument
 MOST_LOST = 0.05  # largest share of rows without input that count as lost: those that `period` takes for losses
@@ -39,7 +39,7 @@ class Choice:
         dt: Sampling interval, s.
         missing: Whether outputs may be missing in the file, and inputs of rows that then count as lost.
         cut: Whether gaps cut a record into experiments.
-        lost_missing: Whether samples that were lost between stamps are missing outputs, instead of interpolated ones.
+        lost: What becomes of single samples that were lost between stamps, as in `experiments`.
     """
 
     inputs: Sequence[str]
@@ -49,7 +49,7 @@ class Choice:
     dt: float | None
     missing: bool
     cut: bool = False
-    lost_missing: bool = False
+    lost: Lost = "cut"
 
     def __post_init__(self) -> None:
         for side in ("inputs", "outputs"):
@@ -84,11 +84,15 @@ def read_csv(
     The first line names the columns. A file without such a line has the columns `time`, if named, `inputs`, `outputs`.
     Lines that begin with # or % are ignored. Empty cells and `nan` are missing samples.
 
-    Times are numbers or texts as `2026-01-31T12:00:00.5` or `12:00:00.5`. Their unit is that of the name, as in `Time
-    (ms)` or `stamp_ns`; stamps since 1970 in s, ms, µs or ns are known by their size; others are in s. Samples whose
-    stamps jitter are put on a uniform grid, steps above 2.5 intervals are gaps; a `SysidWarning` says what was done. A
-    single lost row is interpolated, or with `missing` a missing output; `read_experiments` cuts there if it can, since
-    the input of a lost row is not known.
+    Times are numbers, or texts as `2026-01-31T12:00:00.5`, `31/1/2026 0:01`, `31.01.2026 00:01:00`, `31-Jan-2026 0:01`
+    or `12:00:00.5`. Day and month are told apart by numbers above 12 or by the sequence, which must rise evenly; otherwise
+    they are refused. Days in a column beside that of the clock are joined with it, and a clock without days goes on
+    past midnight. Numbers have the unit of the name, as in `Time (ms)` or `stamp_ns`; stamps since 1970 in s, ms, µs or
+    ns are known by their size; others are in s, but with `dt` those that count 0, 1, 2, ... count samples.
+
+    Samples whose stamps jitter are put on a uniform grid, steps above 2.5 intervals are gaps; a `SysidWarning` says
+    what was done. A single lost row is interpolated, or with `missing` a missing output; `read_experiments` cuts there
+    if it can, since the input of a lost row is not known.
 
     Args:
         path: The file.
@@ -317,6 +321,9 @@ def records_of(
         attribute = units.get(clock_name, "").partition(" since ")[0].lower()
         unit = choice.time_unit or attribute or concluded or None
         clock = stamps(clock_name, columns[clock_name], unit, place, file.name)
+        if unit is None and is_counter(clock_name, columns[clock_name]):
+            clock, remarks_on_counter = _counted(clock_name, clock, stated, file)
+            remarks = (*remarks, *remarks_on_counter)
         intervals[repr(clock_name)] = period(clock.seconds, f"column {clock_name!r}", file.name)
     # Only a column with the name of a time keeps its texts.
     first_cells = {name: str(values[0]) for name, values in columns.items() if _is_text(values)}
@@ -351,7 +358,7 @@ def records_of(
         # An interval that the user states is that of the samples, whose stamps then only jitter.
         nominal=len(intervals) > 1,
         remarks=(*remarks, *clock.remarks, *remark),
-        lost_missing=choice.lost_missing,
+        lost=choice.lost,
     )
 
 
@@ -389,6 +396,23 @@ def _rows_with_inputs(
     return rows, (f"{int((~rows).sum())} rows without input count as lost",)
 
 
+def _counted(name: str, clock: Stamps, stated: float | None, file: Path) -> tuple[Stamps, tuple[str, ...]]:
+    """Stamps of a column that counts 0, 1, 2, ..., times the stated interval in s, and a remark where they differ.
+
+    Raises:
+        SysidError: No interval, and the name is not that of a time.
+    """
+    if stated is not None:
+        remark = f"column {name!r} counts samples; each is the stated {stated:g} s"
+        remarks = () if stated == 1.0 else (remark,)
+        return clock._replace(seconds=clock.seconds * stated, resolution=clock.resolution * stated), remarks
+    if not is_time(name):
+        message = f"{file.name}: column {name!r} counts samples, 0, 1, 2, ...; expected their interval, dt in s"
+        raise SysidError(Message(message, "counter", dt="dt in s"))
+    remark = f"column {name!r} counts 0, 1, 2, ... and is taken for seconds (if it counts samples, state dt)"
+    return clock, (remark,)
+
+
 def _check_channels(columns: Mapping[str, Column], choice: Choice, file: Path) -> None:
     """Refuse names that are no columns, and columns of several lengths."""
     for name in choice.channels:
@@ -409,12 +433,15 @@ def _check_channels(columns: Mapping[str, Column], choice: Choice, file: Path) -
 
 def _no_interval(columns: Mapping[str, Column], choice: Choice, file: Path, unread: Sequence[str]) -> Message:
     """What a file without times needs; `unread` are remarks on columns of texts that look like times."""
-    present = listed([name for name in columns if name not in choice.channels]) or "no other column"
+    others = [name for name in columns if name not in choice.channels]
+    present = listed(others) or "no other column"
     message = (
         f"{file.name}: no sampling interval; expected a column of times (t, time, 'Time (s)', time=NAME), "
         f"a variable dt or Ts, or dt in s; the file has {present}"
     )
     message += "".join(f"; {remark}: write numbers, as ms, or 2026-01-31T12:00:00.5" for remark in unread)
+    if counters := [name for name in others if is_counter(name, columns[name])]:
+        message += f"; {listed(counters)} counts samples, of which dt is the interval"
     return Message(message, "no-interval", time="time=NAME", dt="or dt in s")
 
 
@@ -489,7 +516,7 @@ def _from_log(file: Path, choice: Choice) -> tuple[IOData, ...]:
         cut=choice.cut,
         name=file.name,
         remarks=(remark,),
-        lost_missing=choice.lost_missing,
+        lost=choice.lost,
     )
 
 

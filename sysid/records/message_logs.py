@@ -24,11 +24,90 @@ DAMAGED = "not an MCAP file, rosbag2 folder or bag, or a damaged one"
 STEP = re.compile(r"\.?([^.\[\]]+)|\[([^\[\]]+)\]")
 
 
+SELECTOR = re.compile(r"@([^.\[\]]+)")
+"""A publisher behind its topic: `@2`, or `@elbow,wrist` by the joints that it names."""
+
+MOST_CLOSE = 0.05
+"""Share of steps below half of their median from which messages of several publishers are mixed."""
+
+
 class _Log(NamedTuple):
-    """Topics of a log, and their messages: topic, time of logging in ns, contents."""
+    """Topics of a log, and their messages: topic, name of the publisher if it is known, time of logging in ns, contents."""
 
     topics: tuple[str, ...]
-    messages: Callable[[Collection[str]], Iterator[tuple[str, int, Any]]]
+    messages: Callable[[Collection[str]], Iterator[tuple[str, str, int, Any]]]
+
+
+class _Publisher(NamedTuple):
+    """What tells the publishers of a topic apart.
+
+    Attributes:
+        source: Name of the node or number of the channel, if the log has several for the topic.
+        joints: Names of joints in their order; empty of other messages.
+        frame: Frame of the header.
+    """
+
+    source: str
+    joints: tuple[str, ...]
+    frame: str
+
+    def text(self) -> str:
+        """What is known of the publisher."""
+        parts = [", ".join(self.joints), self.source, f"frame {self.frame}" if self.frame else ""]
+        return "; ".join(filter(None, parts)) or "no names"
+
+
+class _Field(NamedTuple):
+    """A field as it is asked for.
+
+    Attributes:
+        name: Its text.
+        topic: Its topic.
+        publisher: Number or joints of the publisher; empty if none is chosen.
+        steps: Steps from a message to the value.
+    """
+
+    name: str
+    topic: str
+    publisher: str
+    steps: tuple[str, ...]
+
+
+class _Topic:
+    """Stamps in ns of the messages of a topic, and which publisher each is from."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.logged: list[int] = []
+        self.headers: list[int] = []
+        self.senders: list[int] = []
+        self.publishers: dict[_Publisher, int] = {}
+
+    def add(self, source: str, at: int, message: Any) -> None:
+        """Take note of a message."""
+        publisher = _Publisher(source, _joints(message), _frame(message))
+        self.logged.append(at)
+        self.headers.append(_header_stamp(message))
+        self.senders.append(self.publishers.setdefault(publisher, len(self.publishers)))
+
+    def chosen(self, field: _Field, file: Path) -> set[int]:
+        """Numbers from 0 of the publishers that a field chooses."""
+        if not field.publisher:
+            return set(self.publishers.values())
+        joints = tuple(field.publisher.split(","))
+        numbers = {k for publisher, k in self.publishers.items() if publisher.joints == joints}
+        if field.publisher.isdigit() and 0 < int(field.publisher) <= len(self.publishers):
+            numbers = {int(field.publisher) - 1}
+        if not numbers:
+            raise SysidError(f"{file.name}: no publisher @{field.publisher} of {self.name}; there are {self.text()}")
+        return numbers
+
+    def text(self) -> str:
+        """The publishers, as they are chosen."""
+        labels = []
+        for publisher, k in self.publishers.items():
+            labels.append(f"{self.name}@{k + 1} ({publisher.text()}; {self.senders.count(k)} messages)")
+        return ", ".join(labels)
 
 
 def message_signals(
@@ -63,43 +142,71 @@ def read_signals(
         raise SysidError(f"{file.name}: time={time!r}; expected 'header' or 'log', whose stamps logs of messages have")
     try:
         with optional("logs"), _opened(file) as log:
-            paths = {field: _split(field, log.topics, file) for field in (*inputs, *outputs)}
-            topics = {topic for topic, _ in paths.values()}
-            values: dict[str, list[Any]] = {field: [] for field in paths}
-            logged: dict[str, list[int]] = {topic: [] for topic in topics}
-            headers: dict[str, list[int]] = {topic: [] for topic in topics}
-            for topic, at, message in log.messages(topics):
-                logged[topic].append(at)
-                headers[topic].append(_header_stamp(message))
-                for field, (topic_of_field, steps) in paths.items():
-                    if topic_of_field == topic:
-                        values[field].append(_value(message, steps, field, file))
+            fields = {name: _split(name, log.topics, file) for name in (*inputs, *outputs)}
+            topics = {field.topic: _Topic(field.topic) for field in fields.values()}
+            values: dict[str, list[tuple[int, Any]]] = {name: [] for name in fields}
+            for topic, source, at, message in log.messages(list(topics)):
+                number = len(topics[topic].logged)
+                topics[topic].add(source, at, message)
+                for name, field in fields.items():
+                    if field.topic == topic and _has_joint(message, field.steps):
+                        values[name].append((number, _value(message, field.steps, name, file)))
     except (SysidError, MemoryError):
         raise
     except Exception as error:  # what the libraries raise on damaged files follows no rule
         reason = shortened(str(error), 200) or type(error).__name__
         raise SysidError(f"{file.name}: {DAMAGED} ({reason})") from error
-    if empty := [topic for topic in topics if not logged[topic]]:
+    if empty := [topic.name for topic in topics.values() if not topic.logged]:
         raise SysidError(f"{file.name}: no messages of {listed(empty)}")
     # Stamps of two clocks have no common beginning: all topics have headers, or none is used.
-    without = [topic for topic in topics if not all(headers[topic])]
+    without = [topic.name for topic in topics.values() if not all(topic.headers)]
     if time == "header" and without:
         raise SysidError(
             f"{file.name}: messages without a stamp in their header in {listed(without)}; expected time='log'"
         )
-    ticks = logged if time == "log" or without else headers
-    origin = min(ticks[topic][0] for topic in topics)
-    times = {topic: _seconds(ticks[topic], origin, topic, file) for topic in topics}
+    of_logging = time == "log" or bool(without)
+    remarks = ["stamps are the times of logging" if of_logging else "stamps are those of the headers"]
+    # The earliest message of all, so that differences are small and exact.
+    origin = min((topic.logged if of_logging else topic.headers)[0] for topic in topics.values())
+    # Fields that are stamped together share one array: the grid then takes them for one clock.
+    clocks: dict[tuple[str, bytes], FloatArray] = {}
+    signals: dict[str, Signal] = {}
+    for name, field in fields.items():
+        topic_of_field = topics[field.topic]
+        samples, remark = _from_chosen(field, values[name], topic_of_field, file)
+        remarks += [remark] if remark and remark not in remarks else []
+        numbers = [number for number, _ in samples]
+        ticks = topic_of_field.logged if of_logging else topic_of_field.headers
+        key = (field.topic, np.array(numbers).tobytes())
+        if key not in clocks:
+            clocks[key] = _seconds(ticks, numbers, origin, topic_of_field, file)
+        signals[name] = _field_signal(name, [value for _, value in samples], clocks[key], file)
+    return [signals[name] for name in inputs], [signals[name] for name in outputs], "; ".join(remarks)
 
-    remark = "stamps are the times of logging"
-    if ticks is headers:
-        remark = "stamps are those of the headers"
 
-    def signal(field: str) -> Signal:
-        topic, _ = paths[field]
-        return _field_signal(field, values[field], times[topic], file)
+def _from_chosen(
+    field: _Field, values: Sequence[tuple[int, Any]], topic: _Topic, file: Path
+) -> tuple[list[tuple[int, Any]], str]:
+    """Numbers and values of the messages from the chosen publisher, and a remark where several send the field.
 
-    return [signal(field) for field in inputs], [signal(field) for field in outputs], remark
+    Raises:
+        SysidError: No message has the joint, no such publisher, or nodes that send the same joint.
+    """
+    chosen = topic.chosen(field, file)
+    samples = [(number, value) for number, value in values if topic.senders[number] in chosen]
+    if not samples:
+        raise SysidError(f"{file.name}: no joint of {field.name!r}; there are {topic.text()}")
+    senders = {topic.senders[number] for number, _ in samples}
+    if field.publisher or len(senders) == 1:
+        return samples, ""
+    sources = {publisher.source for publisher, k in topic.publishers.items() if k in senders}
+    if len(sources) > 1:
+        raise SysidError(f"{file.name}: {field.name!r} has several publishers: {_choose(topic)}")
+    return samples, f"messages of {topic.name} differ in joints or frame and are read by name: {topic.text()}"
+
+
+def _choose(topic: _Topic) -> str:
+    return f"{topic.text()}; expected one, as {topic.name}@1.FIELD"
 
 
 def _field_signal(field: str, values: Sequence[Any], times: FloatArray, file: Path) -> Signal:
@@ -112,25 +219,63 @@ def _field_signal(field: str, values: Sequence[Any], times: FloatArray, file: Pa
     return Signal(times, table, names, ("",) * len(names))
 
 
-def _seconds(ticks: Sequence[int], origin: int, topic: str, file: Path) -> FloatArray:
-    stamps = np.array(ticks, dtype=np.int64)
-    back = np.flatnonzero(np.diff(stamps) <= 0)
+def _seconds(ticks: Sequence[int], numbers: Sequence[int], origin: int, topic: _Topic, file: Path) -> FloatArray:
+    """Seconds since the origin of the messages with these numbers.
+
+    Raises:
+        SysidError: Stamps that do not increase, or messages of several publishers close to each other.
+    """
+    stamps = np.array(ticks, dtype=np.int64)[list(numbers)]
+    steps = np.diff(stamps)
+    is_mixed = len({topic.senders[number] for number in numbers}) > 1
+    back = np.flatnonzero(steps <= 0)
+    if is_mixed and (back.size or (steps < 0.5 * np.median(steps)).mean() > MOST_CLOSE):
+        raise SysidError(f"{file.name}: the stamps of {topic.name} are those of several publishers: {_choose(topic)}")
     if back.size:
         k = int(back[0]) + 1
         raise SysidError(
-            f"{file.name}: message {k} of {topic} has the stamp {stamps[k]} ns, not after {stamps[k - 1]} ns "
-            f"({back.size} such messages); expected increasing stamps (time='log' or 'header' takes the others)"
+            f"{file.name}: message {numbers[k]} of {topic.name} has the stamp {stamps[k]} ns, not after "
+            f"{stamps[k - 1]} ns ({back.size} such messages); expected increasing stamps (time='log' or 'header' takes "
+            f"the others)"
         )
     return np.asarray((stamps - origin) * 1e-9)
 
 
-def _split(field: str, topics: Sequence[str], file: Path) -> tuple[str, list[str]]:
-    """Topic and steps of a field: `/a.b[3]` is topic `/a`, steps `b` and `3`."""
-    matching = [topic for topic in topics if field == topic or field.startswith((f"{topic}.", f"{topic}["))]
+def _split(field: str, topics: Sequence[str], file: Path) -> _Field:
+    """Topic, publisher and steps of a field: `/a@2.b[3]` is topic `/a`, publisher `2`, steps `b` and `3`."""
+    matching = [topic for topic in topics if field == topic or field.startswith(tuple(topic + mark for mark in ".[@"))]
     if not matching:
         raise SysidError(f"{file.name}: no topic of {field!r}; expected TOPIC.FIELD of {listed(sorted(topics))}")
     topic = max(matching, key=len)
-    return topic, [name or index for name, index in STEP.findall(field[len(topic) :])]
+    rest = field[len(topic) :]
+    selector = SELECTOR.match(rest)
+    publisher = selector[1] if selector else ""
+    path = rest[selector.end() :] if selector else rest
+    return _Field(field, topic, publisher, tuple(name or index for name, index in STEP.findall(path)))
+
+
+def _joints(message: Any) -> tuple[str, ...]:
+    """Names of the joints of a message, in its order; empty of other messages."""
+    try:
+        names = _field(message, "name")
+    except (KeyError, AttributeError, TypeError):
+        return ()
+    if isinstance(names, list | tuple | np.ndarray) and all(isinstance(name, str) for name in names):
+        return tuple(map(str, names))
+    return ()
+
+
+def _has_joint(message: Any, steps: Sequence[str]) -> bool:
+    """Whether a message has the joint of a field; true of fields that are no joint's."""
+    joints = _joints(message)
+    return len(steps) < 2 or not joints or steps[-1] in joints or steps[-1].isdigit()
+
+
+def _frame(message: Any) -> str:
+    try:
+        return str(_field(_field(message, "header"), "frame_id"))
+    except (KeyError, AttributeError, TypeError):
+        return ""
 
 
 def _value(message: Any, steps: Sequence[str], field: str, file: Path) -> Any:
@@ -195,8 +340,10 @@ def _opened(file: Path) -> Iterator[_Log]:
 
             def bag_messages(topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
                 connections = [connection for connection in bag.connections if connection.topic in topics]
+                sources = {connection.id: _node(connection) for connection in connections}
                 for connection, at, data in bag.messages(connections=connections):
-                    yield connection.topic, at, bag.deserialize(data, connection.msgtype)
+                    message = bag.deserialize(data, connection.msgtype)
+                    yield connection.topic, sources[connection.id], at, message
 
             yield _Log(tuple(bag.topics), bag_messages)
         return
@@ -213,9 +360,14 @@ def _opened(file: Path) -> Iterator[_Log]:
             for schema, channel, message in reader.iter_messages(topics=topics):
                 if channel.id not in decoders:
                     decoders[channel.id] = _decoder(schema, channel, file)
-                yield channel.topic, message.log_time, decoders[channel.id](message.data)
+                yield channel.topic, f"channel {channel.id}", message.log_time, decoders[channel.id](message.data)
 
         yield _Log(tuple({channel.topic for channel in channels}), mcap_messages)
+
+
+def _node(connection: Any) -> str:
+    """Name of the node behind a connection, which bags of ROS 1 have; empty of others."""
+    return str(getattr(connection.ext, "callerid", None) or "")
 
 
 def _decoder(schema: Any, channel: Any, file: Path) -> Callable[[bytes], Any]:

@@ -3,6 +3,7 @@
 import codecs
 import csv
 import re
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,14 +11,15 @@ from typing import Any
 import numpy as np
 
 from sysid.records.channels import listed
-from sysid.records.errors import Message, SysidError
+from sysid.records.date_texts import AmbiguousDateError, dates, is_date_text
+from sysid.records.errors import Message, SysidError, SysidWarning
 from sysid.records.optional import optional
 from sysid.records.time_stamps import Column, Place, is_time
 
 CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
 """Times as 2026-01-31T12:00:00.5, with or without a zone, and as 12:00:00.5."""
 
-READ_TIMES = "times as 2026-01-31T12:00:00.5 or 12:00:00.5"
+READ_TIMES = "times as 2026-01-31T12:00:00.5, 31/1/2026 12:00 or 12:00:00.5"
 
 SPREADSHEET_ERRORS = ("#N/A", "#DIV/0!", "#NAME?", "#NULL!", "#NUM!", "#REF!", "#VALUE!")
 """Cells that begin a line like a comment."""
@@ -69,7 +71,7 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
         values = _column(name, table[position], expected, place, file)
         if values is not None:
             columns[name] = values
-    return columns, place
+    return _with_dates(columns, expected), place
 
 
 def _decoded_layout(file: Path, expected: Sequence[str]) -> tuple[list[str], str | None, str, list[int], str]:
@@ -92,7 +94,10 @@ def _column(name: str, cells: Any, expected: Sequence[str], place: Place, file: 
 
     if cells.dtype.kind in "biuf":
         return cells.to_numpy()
-    time = CLOCK_TIME.match(str(cells.iloc[0]))
+    first = str(cells.iloc[0])
+    time = CLOCK_TIME.match(first)
+    if is_date_text(first, is_known=bool(time)):
+        return _dates(name, cells, expected, place, file)
     if not time and name not in expected and not is_time(name):
         return None
     if not time:
@@ -111,9 +116,52 @@ def _column(name: str, cells: Any, expected: Sequence[str], place: Place, file: 
         wanted += "; delete a row of units (the unit of times is in their name, 'Time (ms)', or in time_unit)"
     elif not time and name not in expected:
         return cells.astype(str).to_numpy(str)
-    problem = f"could not convert {str(cells.iloc[bad[0]])!r} in column {name!r}"
-    message = f"{file.name}, {place(int(bad[0]))}: {problem}; expected {wanted}"
+    message = f"{_unreadable(name, cells, int(bad[0]), place, file)}; expected {wanted}"
     raise SysidError(Message(message, "not-a-number", time_unit=", or in time_unit"))
+
+
+def _dates(name: str, cells: Any, expected: Sequence[str], place: Place, file: Path) -> Column | None:
+    """Times of a column of dates; None of a column that need not hold times and does not."""
+    is_needed = is_time(name) or name in expected
+    try:
+        times, remark = dates(cells)
+    except AmbiguousDateError as error:
+        if not is_needed:
+            return None
+        raise SysidError(f"{file.name}: column {name!r}: {error}") from error
+    bad = np.flatnonzero(np.isnat(times))
+    if len(bad) and not is_needed:
+        return None
+    if len(bad):
+        problem = _unreadable(name, cells, int(bad[0]), place, file)
+        raise SysidError(f"{problem}; expected a date as {str(cells.iloc[0])!r} above, or {READ_TIMES}")
+    if remark:
+        warnings.warn(f"{file.name}: column {name!r}: {remark}", SysidWarning, stacklevel=7)
+    return times
+
+
+def _with_dates(columns: dict[str, Column], expected: Sequence[str]) -> dict[str, Column]:
+    """Columns in which a clock beside a column of days has the date of its day."""
+    days, clocks = [], []
+    for name, values in columns.items():
+        is_date = values.dtype.kind == "M" and np.array_equal(values, values.astype("datetime64[D]"))
+        # A constant date is that of the beginning: the clock itself tells that midnight has passed.
+        if is_date and len(np.unique(values)) not in (1, len(values)):
+            days.append(name)
+        elif values.dtype.kind == "m" and is_time(name):
+            clocks.append(name)
+    if len(days) != 1 or len(clocks) != 1:
+        return columns
+    times = columns[days[0]] + columns[clocks[0]]
+    joined = {name: values for name, values in columns.items() if name != days[0] or name in expected}
+    for name in (*days, *clocks):
+        if name in joined:
+            joined[name] = times
+    return joined
+
+
+def _unreadable(name: str, cells: Any, sample: int, place: Place, file: Path) -> str:
+    return f"{file.name}, {place(sample)}: could not convert {str(cells.iloc[sample])!r} in column {name!r}"
 
 
 def _layout(file: Path, encoding: str, expected: Sequence[str]) -> tuple[list[str], str | None, str, list[int]]:

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,10 @@ MOST_SAMPLES, MOST_ADDED = 10**7, 10
 """Samples of any grid, at most, or multiples of the stamps: a single false stamp can claim all memory."""
 
 
+Lost = Literal["cut", "missing", "interpolated"]
+"""What becomes of single samples that were lost between stamps."""
+
+
 class Signal(NamedTuple):
     """Channels that were sampled together.
 
@@ -65,7 +69,7 @@ def experiments(
     missing: bool,
     cut: bool,
     name: str,
-    lost_missing: bool = False,
+    lost: Lost = "cut",
     resolution: float = 0.0,
     nominal: bool = False,
     remarks: Sequence[str] = (),
@@ -78,8 +82,9 @@ def experiments(
     until their next sample, have their mean over each interval: it moves an integrator as the held input does. A
     `SysidWarning` says what was done, after the remarks on how the stamps were read.
 
-    Single samples that were lost between stamps are interpolated, or with `missing` or `lost_missing` marked as missing.
-    A table, whose inputs are lost with its outputs, is cut there where `cut` allows and its parts are long.
+    Single samples that were lost between stamps are interpolated, or with `missing` missing outputs. A table, whose
+    inputs are lost with its outputs, is cut there where `cut` allows and its parts are long. `lost` changes this:
+    `missing` interpolates nowhere, `interpolated` always.
 
     The interval dt of the grid, s, is by default that of the slowest output. With `missing`, outputs may be NaN;
     with `cut` the record is cut at gaps, which are refused otherwise: nobody knows the inputs in them. The stem of
@@ -100,12 +105,15 @@ def experiments(
     if gaps and not cut:
         raise SysidError(f"{name}: not uniform: {_gaps_text(gaps)}; expected none (read_experiments cuts there)")
     share_stamps = all(np.array_equal(signal.times, slowest.times) for signal in signals)
-    lost = _lost_rows(slowest.times, step, gaps) if cut and share_stamps and inputs else []
+    lost_rows: list[tuple[float, float]] = []
+    if cut and lost != "interpolated" and share_stamps and inputs:
+        lost_rows = _lost_rows(slowest.times, step, gaps)
+    mark = lost == "missing" or (missing and lost == "cut")
     most_channels = max(sum(len(signal.names) for signal in side) for side in (inputs, outputs))
     records: list[IOData] = []
     stretches: list[_Stretch] = []
     left_out = 0
-    for start, stop in _spans_between(sorted(gaps + lost), first, last):
+    for start, stop in _spans_between(sorted(gaps + lost_rows), first, last):
         within = slice(*np.searchsorted(slowest.times, [start, np.nextafter(stop, np.inf)]))
         times = slowest.times[within]
         as_they_are = share_stamps and _uniform(times, step, resolution, nominal)
@@ -121,13 +129,13 @@ def experiments(
             stretch = _taken(inputs, outputs, within, times, step)
         else:
             grid = times[0] + step * np.arange(count)
-            stretch = _resampled(inputs, outputs, periods, grid, start, stop, mark=missing or lost_missing)
+            stretch = _resampled(inputs, outputs, periods, grid, start, stop, mark=mark)
         stretches.append(stretch)
         records.append(_record(inputs, outputs, stretch, step, float(times[0]), missing, name))
     done = list(remarks)
     causes = [_gaps_text(gaps)] if gaps else []
-    if lost:
-        causes.append(f"{len(lost)} row(s) lost between stamps, of which the inputs are not known")
+    if lost_rows:
+        causes.append(f"{len(lost_rows)} row(s) lost between stamps, of which the inputs are not known")
     if causes:
         done.append(f"{', '.join(causes)}: cut there into {len(records)} experiment(s)")
     if causes and left_out:

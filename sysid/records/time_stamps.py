@@ -13,7 +13,7 @@ from sysid.records.channels import listed
 from sysid.records.errors import Message, SysidError
 
 TIME_NAMES = ("t", "time", "ts", "timestamp", "stamp", "datetime", "date", "epoch", "unix", "utc", "elapsed", "clock")
-TRANSLATED = ("zeit", "zeitstempel", "temps", "tiempo")
+TRANSLATED = ("zeit", "zeitstempel", "uhrzeit", "datum", "temps", "heure", "tiempo", "fecha", "hora")
 INTERVAL_NAMES = ("ts", "dt")
 SECONDS = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
@@ -33,6 +33,9 @@ MOST_DIGITS = 4  # most digits of the smallest step; a finer resolution is not t
 
 STEADY = 0.5
 """Part of their median by which the steps of a column without a name of time may deviate and still be a clock's."""
+
+DAY = 86400.0  # s
+LARGEST_STEP = 2.5  # medians, up to which a step of a clock past midnight is one of its steps: a gap is longer
 
 MATCHING = 1e-2  # part of a stated interval by which the median step of a clock without a name of time may differ
 
@@ -76,7 +79,7 @@ def time_column(
     named = [name for name, values in candidates.items() if is_time(name) and not _constant(values)]
     if named:
         return named[0], "", ()
-    clocks = [name for name, values in candidates.items() if _is_clock(values)]
+    clocks = [name for name, values in candidates.items() if _is_clock(values) and not _constant(values)]
     if stated is not None:
         # Of a .mat file only vectors as long as the channels tell of their samples.
         samples = max(len(columns[channel]) for channel in channels)
@@ -103,6 +106,7 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
         SysidError: An unknown unit, times that are no numbers or do not increase.
     """
     values = values.ravel()
+    texts, is_text_clock = values, values.dtype.kind == "m"
     if values.dtype.kind in "mM":
         nanoseconds = "datetime64[ns]" if values.dtype.kind == "M" else "m8[ns]"
         values, unit = values.astype(nanoseconds).view(np.int64), "ns"
@@ -115,14 +119,6 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
     unit = unit or _name_and_unit(name)[1]
     if unit and unit not in SECONDS:
         raise SysidError(f"{file}: times of column {name!r} are in {shown(unit)}; expected s, ms, us, ns, min or h")
-    # Unsigned numbers would turn a step back into a large one.
-    back = np.flatnonzero(values[1:] <= values[:-1])
-    if back.size:
-        k = int(back[0]) + 1
-        raise SysidError(
-            f"{file}, {place(k)}: time {values[k]} in column {name!r} is not after {values[k - 1]} in {place(k - 1)} "
-            f"({back.size} such steps); expected increasing times"
-        )
     remarks: tuple[str, ...] = ()
     if not unit:
         unit = _epoch_unit(float(values[0]))
@@ -130,9 +126,68 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
             remarks = (f"times in column {name!r} are taken for {unit} since 1970, by their size",)
         else:
             unit = "s"
+    values, midnights = _past_midnight(values, unit, has_half_days=is_text_clock)
+    if midnights:
+        remarks = (*remarks, f"the clock in column {name!r} passes midnight or noon {midnights} time(s) and goes on")
+    # Unsigned numbers would turn a step back into a large one.
+    back = np.flatnonzero(values[1:] <= values[:-1])
+    if back.size:
+        k = int(back[0]) + 1
+        advice = "; a clock that passes midnight within a gap needs a date" if is_text_clock else ""
+        raise SysidError(
+            f"{file}, {place(k)}: time {_shown(texts[k])} in column {name!r} is not after {_shown(texts[k - 1])} in "
+            f"{place(k - 1)} "
+            f"({back.size} such steps); expected increasing times{advice}"
+        )
     # The difference first: float64 rounds nanoseconds since 1970 to hundreds of them.
     elapsed: FloatArray = (values - values[0]).astype(np.float64)
     return Stamps(np.asarray(elapsed * SECONDS[unit]), _resolution(elapsed) * SECONDS[unit], remarks)
+
+
+def _shown(stamp: Any) -> str:
+    """A stamp as people write it."""
+    if isinstance(stamp, np.datetime64):
+        return f"{np.datetime_as_string(stamp.astype('datetime64[ms]'))}"
+    if isinstance(stamp, np.timedelta64):
+        milliseconds = int(stamp.astype("m8[ms]").astype(np.int64))
+        minutes, rest = divmod(milliseconds, 60_000)
+        return f"{minutes // 60:02d}:{minutes % 60:02d}:{rest / 1000:06.3f}"
+    return str(stamp)
+
+
+def _past_midnight(values: Column, unit: str, *, has_half_days: bool) -> tuple[Column, int]:
+    """Times (N,) of a clock without a date, which starts again after a day, or half a day; and how often it does.
+
+    It is continued only where its steps stay even: other steps back are errors of the file.
+    """
+    back = np.flatnonzero(values[1:] < values[:-1]) + 1
+    if not back.size or len(values) < 4:
+        return values, 0
+    # Steps of unsigned numbers would never be negative.
+    signed = values.astype(np.int64) if values.dtype.kind in "iu" else values
+    steps = np.diff(signed)
+    middle = np.median(steps)
+    days = (DAY, DAY / 2) if has_half_days else (DAY,)
+    for day in days:
+        # Times of texts are whole nanoseconds, whose sums must stay exact.
+        span = signed.dtype.type(round(day / SECONDS[unit]))
+        continued = steps[back - 1] + span
+        if (continued > 0).all() and (continued <= LARGEST_STEP * middle).all():
+            passed = np.zeros(len(signed), dtype=signed.dtype)
+            passed[back] = span
+            return signed + np.cumsum(passed), back.size
+    return values, 0
+
+
+def is_counter(name: str, values: Column) -> bool:
+    """Whether a column without a unit in its name counts 0, 1, 2, ..., a few lost samples apart."""
+    if values.dtype.kind not in "iuf" or values.ravel().shape != (len(values),) or len(values) < 3:
+        return False
+    numbers = values.ravel().astype(np.float64)
+    if not np.isfinite(numbers).all() or _name_and_unit(name)[1] or _epoch_unit(float(numbers[0])):
+        return False
+    steps = np.diff(numbers)
+    return bool(np.median(steps) == 1.0 and (steps >= 1.0).all() and (numbers == np.rint(numbers)).all())
 
 
 def _epoch_unit(stamp: float) -> str:

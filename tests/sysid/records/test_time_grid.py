@@ -107,13 +107,15 @@ def test_lost_samples_are_missing_where_parts_would_be_short():
         one._replace(times=np.delete(one.times, lost), values=np.delete(one.values, lost, axis=0))
         for one in integrator(DT * np.arange(N))
     )
-    (record,) = put(u, y, cut=True, lost_missing=True, says=f"{len(lost)} of {N} samples are missing")
+    (record,) = put(u, y, cut=True, lost="missing", says=f"{len(lost)} of {N} samples are missing")
     np.testing.assert_array_equal(np.flatnonzero(~record.known[:, 0]), lost)
     (record,) = put(u, y, cut=True, says=f"{len(lost)} of {N} samples of the outputs are interpolated")
     assert record.complete
+    (record,) = put(u, y, cut=True, missing=True, lost="interpolated", says="samples of the outputs are interpolated")
+    assert record.complete
     # NaN of the file is refused all the same.
     y.values[3] = np.nan
-    refused("NaN or infinite, the first in channel 0 at index 3", put, u, y, cut=True, lost_missing=True)
+    refused("NaN or infinite, the first in channel 0 at index 3", put, u, y, cut=True, lost="missing")
 
 
 def test_a_late_sample_is_no_lost_row():

@@ -1,3 +1,6 @@
+import warnings
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -24,12 +27,10 @@ def write(path, name, times, *, separator=","):
         ("Zeit [ms]", [20 * k for k in range(N)], {"dt": 0.02}, ""),
         ("Uhr", [20 * k for k in range(N)], {"dt": 0.02}, "times are column 'Uhr', in ms: it increases by the stated"),
         ("ramp", [0.3 * k for k in range(N)], {"dt": 0.02}, "ramp increases as steadily as times and is not used"),
-        (
-            "Time (ms)",
-            ["01.02.2026 12:00:00.000"] * N,
-            {"dt": 0.02},
-            "not read as a time, so that gaps are not",
-        ),
+        ("Time (ms)", ["59:45.0"] * N, {"dt": 0.02}, "not read as a time, so that gaps are not"),
+        ("Time", range(N), {"dt": 0.02}, "column 'Time' counts samples; each is the stated 0.02 s"),
+        ("sample", [7 + k for k in range(N)], {"dt": 0.02, "time": "sample"}, "'sample' counts samples; each is"),
+        ("clock", [(86399.9 + 0.02 * k) % 86400 for k in range(N)], {}, "passes midnight or noon 1 time(s)"),
         ("clk", [0.02 * k for k in range(N)], {}, "times are column 'clk', the only one that increases steadily"),
         ("elapsed_min", [0.02 * k / 60 for k in range(N)], {}, ""),
         ("date", [f"2026-01-31T12:00:{0.02 * k:05.2f}Z" for k in range(N)], {}, ""),
@@ -54,7 +55,7 @@ def test_times_of_any_name_and_unit(tmp_path, recwarn, name, times, options, rem
         ("clk", range(N), {"time": "clk", "time_unit": "weeks"}, "in 'weeks'; expected s, ms, us, ns, min or h"),
         ("clk", range(N), {}, "no sampling interval; .*; the file has clk"),
         ("Zeit [ms]", range(0, 20 * N, 20), {"dt": 0.01}, "interval 0.01 s by dt as given, 0.02 s by 'Zeit .ms.'"),
-        ("Time (ms)", ["01.02.2026 12:00:00.000"] * N, {}, "'Time .ms.' holds '01.02.2026 12:.*: write numbers, as ms"),
+        ("Time (ms)", ["59:45.0"] * N, {}, "'Time .ms.' holds '59:45.0.*: write numbers, as ms"),
         ("Time", ["ms", *range(N - 1)], {}, "line 2: could not convert 'ms' .*; delete a row of units"),
         ("mode", ["on"] * N, {"time": "mode"}, "could not convert 'on' in column 'mode'"),
         ("date", ["2026-01-31T12:00:00", *["never"] * (N - 1)], {}, "line 3: could not convert 'never' .* times"),
@@ -98,3 +99,84 @@ def test_a_log_with_gaps_is_cut_by_read_experiments_alone(tmp_path):
     assert [np.flatnonzero(~part.known).tolist() for part in parts] == [[3], []]
     np.testing.assert_array_equal(np.vstack([part.u for part in parts])[:, 0], U)
     refused("1 gap.* expected none", read_csv, path, missing=True)
+
+
+def clock_texts(form, start="2021-01-01T00:00:00", step=60, n=N):
+    """Times as texts; of `form` the days and months have no leading zeros."""
+    for k in range(n):
+        time = datetime.fromisoformat(start) + timedelta(seconds=step * k)
+        yield form.format(time, d=time.day, m=time.month, h=time.hour, half=time.hour % 12 or 12)
+
+
+@pytest.mark.parametrize(
+    ("form", "start"),
+    [
+        ("{d}/{m}/{0:%Y} {h}:{0:%M}", "2021-01-01T23:50"),
+        ("{m}/{d}/{0:%Y} {h}:{0:%M}", "2021-01-01T23:50"),
+        ("{m}/{d}/{0:%y} {h}:{0:%M}", "2021-02-28T23:50"),
+        ("{d}/{m}/{0:%Y} {h}:{0:%M}", "2021-05-05T12:00"),
+        ("{m}/{d}/{0:%Y} {half}:{0:%M:%S} {0:%p}", "2021-03-31T23:50"),
+        ("{0:%d.%m.%Y %H:%M:%S}", "2021-02-01T23:50"),
+        ("{0:%d.%m.%Y %H:%M:%S.%f}", "2021-02-01T23:50"),
+        ("{0:%Y/%m/%d %H:%M}", "2021-02-01T23:50"),
+        ("{0:%d-%b-%Y %H:%M:%S}", "2021-02-01T23:50"),
+        ("{0:%d.%m.%Y,%H:%M:%S}", "2021-02-01T23:50"),
+        ("{half}:{0:%M:%S} {0:%p}", "2021-02-01T23:50"),
+        ("{0:%H:%M:%S}", "2021-02-01T23:50"),
+        ("{half}:{0:%M:%S}", "2021-02-01T11:50"),
+    ],
+)
+def test_dates_are_read_where_the_sequence_tells_day_from_month(tmp_path, form, start):
+    name = "Date,Time" if "," in form else "Time"
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        data = read_csv(write(tmp_path / "log.csv", name, clock_texts(form, start)))
+    assert (data.dt, len(data)) == (60.0, N)
+    assert all("rise" in str(one.message) or "passes midnight" in str(one.message) for one in caught)
+
+
+def test_dates_that_may_be_two_are_refused(tmp_path):
+    # A night between two evenings: on 1 and 2 April, or in January and February.
+    texts = [f"1/4/2021 12:{k:02d}" for k in range(20)] + [f"2/4/2021 12:{k:02d}" for k in range(20)]
+    message = "'1/4/2021 12:00' may be day/month/year or month/day/year, and the sequence does not tell which"
+    refused(message, read_experiments, write(tmp_path / "log.csv", "Time", texts))
+    texts[3] = "31/4/2021 12:03"
+    refused("line 5: could not convert '31/4/2021 12:03'", read_csv, write(tmp_path / "log.csv", "Time", texts))
+
+
+def test_a_clock_that_passes_midnight_within_a_gap_needs_a_date(tmp_path):
+    texts = [*clock_texts("{0:%H:%M:%S}", "2021-01-01T23:00", n=20), *clock_texts("{0:%H:%M:%S}", n=20)]
+    message = "time 00:00:00.000 in column 'Time' is not after 23:19:00.000 .* midnight within a gap needs a date"
+    refused(message, read_csv, write(tmp_path / "log.csv", "Time", texts))
+
+
+def test_a_counter_needs_an_interval(tmp_path):
+    path = write(tmp_path / "log.csv", "sample", range(N))
+    refused(
+        "column 'sample' counts samples, 0, 1, 2, ...; expected their interval, dt in s", read_csv, path, time="sample"
+    )
+    refused("no sampling interval.*; sample counts samples, of which dt is the interval", read_csv, path)
+    with pytest.warns(UserWarning, match="counts 0, 1, 2, ... and is taken for seconds"):
+        assert read_csv(write(path, "Time", range(N))).dt == 1.0
+    # A lost sample shows in the counter.
+    lossy = write(path, "Time", [k + (k > 9) for k in range(N)])
+    with pytest.warns(UserWarning, match="counts samples"):
+        assert len(read_csv(lossy, dt=0.02)) == N + 1
+
+
+def test_rows_without_input_are_lost_rows(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = [f"{0.02 * k:.2f},{U[k % N]},{Y[k % N]}" for k in range(400)]
+    rows[200] = "4.00,,"
+    path.write_text("\n".join(["t,u,y", *rows]))
+    refused(
+        "line 202: 1 of 400 samples of input 'u' are empty or NaN; expected all inputs; missing=True", read_csv, path
+    )
+    with pytest.warns(UserWarning, match="1 rows without input count as lost; 1 row.s. lost between stamps, of which"):
+        parts = read_experiments(path, missing=True)
+    assert [len(part) for part in parts] == [200, 199]
+    with pytest.warns(UserWarning, match="1 of 400 samples are missing"):
+        assert int((~read_csv(path, missing=True).known).sum()) == 1
+    rows = [row if k % 5 == 0 else f"{row.split(',')[0]},,{Y[k % N]}" for k, row in enumerate(rows)]
+    path.write_text("\n".join(["t,u,y", *rows]))
+    refused("expected 5% at most. An input that is logged only when it changes", read_csv, path, missing=True)
