@@ -85,10 +85,10 @@ def read_csv(
     Lines that begin with # or % are ignored. Empty cells and `nan` are missing samples.
 
     Times are numbers, or texts as `2026-01-31T12:00:00.5`, `31/1/2026 0:01`, `31.01.2026 00:01:00`, `31-Jan-2026 0:01`
-    or `12:00:00.5`. Day and month are told apart by numbers above 12 or by the sequence, which must rise evenly; otherwise
-    they are refused. Days in a column beside that of the clock are joined with it, and a clock without days goes on
-    past midnight. Numbers have the unit of the name, as in `Time (ms)` or `stamp_ns`; stamps since 1970 in s, ms, µs or
-    ns are known by their size; others are in s, but with `dt` those that count 0, 1, 2, ... count samples.
+    or `12:00:00.5`. Day and month are told apart by numbers above 12 or by the sequence, which must rise evenly;
+    otherwise they are refused. Days in a column beside that of the clock are joined with it, and a clock without days
+    goes on past midnight. Numbers have the unit of the name, as in `Time (ms)` or `stamp_ns`; stamps since 1970 in s,
+    ms, µs or ns are known by their size; others are in s, but with `dt` those that count 0, 1, 2, ... count samples.
 
     Samples whose stamps jitter are put on a uniform grid, steps above 2.5 intervals are gaps; a `SysidWarning` says
     what was done. A single lost row is interpolated, or with `missing` a missing output; `read_experiments` cuts there
@@ -190,6 +190,10 @@ def read_log(
 
     Every topic has stamps of its own. They are put on the grid of the slowest output, or of `dt`: outputs are
     interpolated, inputs hold until their next message. Needs the packages mcap and rosbags, the extra `logs`.
+
+    Joints are found by name in each message, whose order may change; numbers mean the order of the first message. Where
+    several nodes publish a topic, `/joint_states@1.position[elbow]` chooses the first, and
+    `/joint_states@elbow,wrist.position[elbow]` the one with these joints in this order; messages list them.
 
     Args:
         path: The file or folder.

@@ -32,7 +32,7 @@ MOST_CLOSE = 0.05
 
 
 class _Log(NamedTuple):
-    """Topics of a log, and their messages: topic, name of the publisher if it is known, time of logging in ns, contents."""
+    """Topics of a log, and their messages: topic, publisher if it is known, time of logging in ns, contents."""
 
     topics: tuple[str, ...]
     messages: Callable[[Collection[str]], Iterator[tuple[str, str, int, Any]]]
@@ -82,10 +82,14 @@ class _Topic:
         self.headers: list[int] = []
         self.senders: list[int] = []
         self.publishers: dict[_Publisher, int] = {}
+        self.order_of_set: dict[frozenset[str], tuple[str, ...]] = {}
 
     def add(self, source: str, at: int, message: Any) -> None:
         """Take note of a message."""
-        publisher = _Publisher(source, _joints(message), _frame(message))
+        joints = _joints(message)
+        # Numbers of elements mean those of the first message, also where the order of the names changes later.
+        self.order_of_set.setdefault(frozenset(joints), joints)
+        publisher = _Publisher(source, joints, _frame(message))
         self.logged.append(at)
         self.headers.append(_header_stamp(message))
         self.senders.append(self.publishers.setdefault(publisher, len(self.publishers)))
@@ -150,7 +154,7 @@ def read_signals(
                 topics[topic].add(source, at, message)
                 for name, field in fields.items():
                     if field.topic == topic and _has_joint(message, field.steps):
-                        values[name].append((number, _value(message, field.steps, name, file)))
+                        values[name].append((number, _by_name(message, field, topics[topic], file)))
     except (SysidError, MemoryError):
         raise
     except Exception as error:  # what the libraries raise on damaged files follows no rule
@@ -174,7 +178,8 @@ def read_signals(
     for name, field in fields.items():
         topic_of_field = topics[field.topic]
         samples, remark = _from_chosen(field, values[name], topic_of_field, file)
-        remarks += [remark] if remark and remark not in remarks else []
+        # That on the stamps stays the last: the remarks of the grid follow it.
+        remarks[:0] = [remark] if remark and remark not in remarks else []
         numbers = [number for number, _ in samples]
         ticks = topic_of_field.logged if of_logging else topic_of_field.headers
         key = (field.topic, np.array(numbers).tobytes())
@@ -296,6 +301,21 @@ def _value(message: Any, steps: Sequence[str], field: str, file: Path) -> Any:
     if array.dtype.kind not in "biuf" or array.ndim > 1 or not 0 < array.size <= LONGEST_VECTOR:
         raise SysidError(f"{file.name}: no number {field!r}; its topic has {listed(list(_fields(message)))}")
     return value if array.ndim == 0 else array
+
+
+def _by_name(message: Any, field: _Field, topic: _Topic, file: Path) -> Any:
+    """Value of a field, elements in the order that the joints have in the first message."""
+    joints = _joints(message)
+    order = topic.order_of_set[frozenset(joints)]
+    steps = field.steps
+    if joints == order or len(order) != len(joints):
+        return _value(message, steps, field.name, file)
+    if steps[-1].isdigit() and int(steps[-1]) < len(order):
+        return _value(message, (*steps[:-1], order[int(steps[-1])]), field.name, file)
+    value = _value(message, steps, field.name, file)
+    if np.shape(value) == (len(joints),):
+        return np.asarray(value)[[joints.index(joint) for joint in order]]
+    return value
 
 
 def _field(value: Any, name: str) -> Any:

@@ -156,3 +156,69 @@ def test_the_extra_is_named_where_it_is_missing(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mcap.reader", None)
     message = r"this needs the package mcap: pip install './sysid\[logs\]'"
     refused(message, read_signals, str(path), **FIELDS, time=None)
+
+
+def joint_states(folder, published):
+    """A rosbag2 of messages (k, joints, positions) of /joint_states, every 10 ms."""
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    store = rosbags.get_typestore(rosbags.Stores.ROS2_HUMBLE)
+    kinds = store.types
+    header, stamp, state = (
+        kinds[name] for name in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time", "sensor_msgs/msg/JointState")
+    )
+    with Writer(folder, version=9, storage_plugin=StoragePlugin["SQLITE3"]) as writer:
+        connection = writer.add_connection("/joint_states", state.__msgtype__, typestore=store)
+        for k, joints, positions in published:
+            at = START + 10_000_000 * k
+            head = header(stamp=stamp(at // 10**9, at % 10**9), frame_id="")
+            content = state(head, joints, np.array(positions), np.empty(0), np.empty(0))
+            writer.write(connection, at, store.serialize_cdr(content, state.__msgtype__))
+    return folder
+
+
+@pytest.mark.parametrize("field", ["/joint_states.position[elbow]", "/joint_states.position[0]"])
+def test_joints_are_read_by_name_where_their_order_changes(tmp_path, field):
+    log = []
+    for k in range(60):
+        joints = [("elbow", float(k)), ("wrist", -1.0 - k)][:: 1 if k % 3 == 0 else -1]
+        log.append((k, [name for name, _ in joints], [value for _, value in joints]))
+    path = joint_states(tmp_path / "robot", log)
+    with pytest.warns(
+        match=r"read by name: /joint_states@1 \(elbow, wrist; 20 messages\), /joint_states@2 \(wrist, elb"
+    ):
+        data = read_log(path, inputs=["/joint_states.position[wrist]"], outputs=[field])
+    np.testing.assert_array_equal(data.y[:, 0], np.arange(60.0))
+    np.testing.assert_array_equal(data.u[:, 0], -1.0 - np.arange(60.0))
+
+
+def test_joints_of_two_publishers_have_stamps_of_their_own(tmp_path):
+    log = [(k, [("elbow", "wrist")[k % 2]], [float(k)]) for k in range(100)]
+    path = joint_states(tmp_path / "robot", log)
+    with pytest.warns(match="stamps are those of the headers"):
+        data = read_log(path, inputs=[], outputs=["/joint_states.position[elbow]"])
+    np.testing.assert_array_equal(data.y[:, 0], np.arange(0.0, 100.0, 2.0))
+    message = (
+        r"no joint of '.*shoulder.*'; there are /joint_states@1 \(elbow; 50 messages\), /joint_states@2 \(wrist; 50"
+    )
+    refused(message, read_log, path, inputs=[], outputs=["/joint_states.position[shoulder]"])
+
+
+def test_of_two_publishers_of_a_joint_one_is_chosen(tmp_path):
+    log = []
+    for k in range(100):
+        log.append((k, ["elbow", "wrist"], [float(k), 5.0]))
+        if k % 4 == 0:
+            log.append((k, ["wrist", "elbow"], [0.0, 0.0]))
+    path = joint_states(tmp_path / "robot", log)
+    message = (
+        r"several publishers: /joint_states@1 \(elbow, wrist; 100 messages\), .*; expected one, as /joint_states@1"
+    )
+    refused(message, read_log, path, inputs=[], outputs=["/joint_states.position[elbow]"])
+    for chosen in ("@1", "@elbow,wrist"):
+        with pytest.warns(match="stamps are those of the headers"):
+            data = read_log(path, inputs=[], outputs=[f"/joint_states{chosen}.position[elbow]"])
+        np.testing.assert_array_equal(data.y[:, 0], np.arange(100.0))
+    refused(
+        "no publisher @3 of /joint_states; there are", read_log, path, inputs=[], outputs=["/joint_states@3.position"]
+    )
