@@ -80,6 +80,7 @@ from sysid.records import (
     read_log,
     read_mat,
     read_netcdf,
+    read_npz,
     resample,
 )
 from sysid.records.arrays import register_drawer
@@ -183,6 +184,7 @@ __all__ = [
     "read_mat",
     "read_model",
     "read_netcdf",
+    "read_npz",
     "resample",
     "resid",
     "residuals",

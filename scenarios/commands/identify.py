@@ -67,9 +67,10 @@ def identify(
     (the default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders
     for each), {methods_of_several_outputs} also several outputs.
 
-    It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat and .nc
-    files (variables by name) and tables as text (.csv, .txt, .dat or any other ending). Columns of tables are separated
-    by commas, semicolons, tabs or spaces; without a header they are the inputs, then the outputs. Samples that the bus
+    It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat, .npz and
+    .nc files (variables by name) and tables as text (.csv, .txt, .dat or any other ending). Columns of tables are
+    separated by commas, semicolons, tabs or spaces; without a header they are the inputs, then the outputs, behind
+    times or not. Samples that the bus
     lost are left out, as are missing outputs (--missing). Several files are experiments with one model; gaps in the
     times of a table divide it into experiments, samples that jitter are put on a uniform grid, and a warning says so.
 

@@ -18,7 +18,7 @@ from scenarios.files.record_file import ENDINGS, is_record, read_records, write_
 from sysid import IOData
 from sysid.records.importers import SAME_INTERVAL, Choice, experiments_of
 
-KINDS = f"{', '.join(ENDINGS.values())}, .mcap, .bag, a rosbag2 folder or a table as text (.txt, .dat, ...)"
+KINDS = f"{', '.join(ENDINGS.values())}, .npz, .mcap, .bag, a rosbag2 folder or a table as text (.txt, .dat, ...)"
 """Kinds of data files, for messages."""
 
 Names = str | Sequence[str]
@@ -58,7 +58,7 @@ def read_parts(
 
     Args:
         path: `.nc` (a joint log, a bus record, or any variables over time), `.mat`, `.ch10` (a 1553 record), `.asc`
-            (our ASCII records), `.mcap`, `.bag` or a rosbag2 folder, or any table as text, with or without a header.
+            (our ASCII records), `.npz`, `.mcap`, `.bag` or a rosbag2 folder, or any table as text.
         joint: Joint of a log or record, or of a CSV written from one; or several.
         input: Names of the input columns or variables.
         output: Names of the output columns or variables.

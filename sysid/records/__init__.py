@@ -4,7 +4,7 @@ from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.filtering import keep_band, prefilter, resample
 from sysid.records.frames import from_dataframe, from_xarray
-from sysid.records.importers import read_csv, read_experiments, read_log, read_mat, read_netcdf
+from sysid.records.importers import read_csv, read_experiments, read_log, read_mat, read_netcdf, read_npz
 
 __all__ = [
     "IOData",
@@ -19,5 +19,6 @@ __all__ = [
     "read_log",
     "read_mat",
     "read_netcdf",
+    "read_npz",
     "resample",
 ]

@@ -1,4 +1,4 @@
-"""Records from files: CSV, MATLAB, NetCDF, logs of messages."""
+"""Records from files: CSV, MATLAB, NumPy, NetCDF, logs of messages."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -13,11 +13,12 @@ from sysid.records.arrays import FloatArray
 from sysid.records.channels import default_names, listed
 from sysid.records.data import IOData
 from sysid.records.errors import Message, SysidError
-from sysid.records.foreign_files import is_hdf5
+from sysid.records.foreign_files import is_hdf5, numpy_contents
 from sysid.records.mat_hdf5 import read_hdf5_variables
 from sysid.records.mat_variables import read_variables
 from sysid.records.message_logs import message_signals
 from sysid.records.netcdf_columns import netcdf_columns
+from sysid.records.reading_process import UnreadableError, read_apart
 from sysid.records.text_columns import text_columns
 from sysid.records.time_grid import Lost, Signal, experiments, period
 from sysid.records.time_stamps import Column, Place, Stamps, interval_unit, is_counter, is_time, stamps, time_column
@@ -81,7 +82,8 @@ def read_csv(
 ) -> IOData:
     """Read a record from text: columns separated by commas, semicolons, tabs or spaces.
 
-    The first line names the columns. A file without such a line has the columns `time`, if named, `inputs`, `outputs`.
+    The first line names the columns. A file without such a line has the columns `time`, if named, `inputs`, `outputs`;
+    one column more is taken for times, the first, if its numbers rise evenly.
     Lines that begin with # or % are ignored. Empty cells and `nan` are missing samples.
 
     Times are numbers, or texts as `2026-01-31T12:00:00.5`, `31/1/2026 0:01`, `31.01.2026 00:01:00`, `31-Jan-2026 0:01`
@@ -145,6 +147,37 @@ def read_mat(
         SysidError: No file, another format, no such variable, and as in `read_csv`.
     """
     return _single(_from_mat, path, "a .mat file", Choice(inputs, outputs, time, time_unit, dt, missing))
+
+
+def read_npz(
+    path: str | Path,
+    *,
+    inputs: Sequence[str] = ("u",),
+    outputs: Sequence[str] = ("y",),
+    time: str | None = None,
+    time_unit: str | None = None,
+    dt: float | None = None,
+    missing: bool = False,
+) -> IOData:
+    """Read a record from the arrays of a NumPy archive, as `numpy.savez(path, u=u, y=y, dt=0.01)` writes it.
+
+    Args:
+        path: The file.
+        inputs: Names of the input arrays (N,), or (N, k) with time first.
+        outputs: Names of the output arrays, likewise.
+        time: As in `read_csv`, likewise the following.
+        time_unit: Unit of the times.
+        dt: Sampling interval, s; the file may hold it as a scalar `dt` or `Ts`.
+        missing: Whether outputs may be missing, as NaN.
+
+    Returns:
+        The record, named after the file.
+
+    Raises:
+        SysidError: No file, another format, no such array of numbers (arrays of Python objects are never read), and as
+            in `read_csv`.
+    """
+    return _single(_from_npz, path, "an .npz file", Choice(inputs, outputs, time, time_unit, dt, missing))
 
 
 def read_netcdf(
@@ -229,8 +262,8 @@ def read_experiments(
     """Read the experiments of several files, and those between the gaps of a log.
 
     Args:
-        paths: One file or several; the endings .mat, .nc, .mcap and .bag name their formats, a folder is a rosbag2,
-            others are text.
+        paths: One file or several; the endings .mat, .npz, .nc, .mcap and .bag name their formats, a folder is a
+            rosbag2, others are text.
         inputs: As in `read_csv`, likewise the following.
         outputs: Names of the outputs.
         time: Name of the times.
@@ -298,6 +331,20 @@ def _from_mat(file: Path, choice: Choice) -> tuple[IOData, ...]:
         if values.dtype.kind in "biuf" and values.ndim == 2 and values.size:
             # A row vector can only be a signal; a matrix is taken time first, never transposed on a guess.
             columns[name] = values.reshape(-1, 1) if 1 in values.shape else values
+    return records_of(columns, choice, file)
+
+
+def _from_npz(file: Path, choice: Choice) -> tuple[IOData, ...]:
+    try:
+        arrays = read_apart(numpy_contents, file)
+    except (UnreadableError, OSError) as error:
+        raise SysidError(f"{file.name}: not an .npz file, which numpy.savez writes ({error})") from error
+    columns: dict[str, Column] = {}
+    for name, values in arrays.items():
+        array = np.asarray(values)
+        if array.size and array.ndim <= 2:
+            # Scalars are intervals; a row vector can only be a signal, a matrix is never transposed on a guess.
+            columns[name] = array.reshape(-1, 1) if array.ndim < 2 or 1 in array.shape else array
     return records_of(columns, choice, file)
 
 
@@ -428,6 +475,8 @@ def _check_channels(columns: Mapping[str, Column], choice: Choice, file: Path) -
         message = f"{file.name}: unknown column {name!r}{hint}; there are {present}"
         if file.suffix == ".mat":
             message += " (structs, tables and objects such as iddata are not read; save their arrays)"
+        if file.suffix == ".npz":
+            message += " (arrays of Python objects are not read; save numbers)"
         raise SysidError(message)
     lengths = {name: len(columns[name]) for name in choice.channels}
     if len(set(lengths.values())) > 1:
@@ -524,4 +573,11 @@ def _from_log(file: Path, choice: Choice) -> tuple[IOData, ...]:
     )
 
 
-_LOADERS = {".mat": _from_mat, ".nc": _from_netcdf, ".mcap": _from_log, ".bag": _from_log, ".db3": _from_log}
+_LOADERS = {
+    ".mat": _from_mat,
+    ".npz": _from_npz,
+    ".nc": _from_netcdf,
+    ".mcap": _from_log,
+    ".bag": _from_log,
+    ".db3": _from_log,
+}

@@ -14,10 +14,13 @@ from sysid.records.channels import listed
 from sysid.records.date_texts import AmbiguousDateError, dates, is_date_text
 from sysid.records.errors import Message, SysidError, SysidWarning
 from sysid.records.optional import optional
-from sysid.records.time_stamps import Column, Place, is_time
+from sysid.records.time_stamps import Column, Place, is_clock, is_counter, is_time
 
 CLOCK_TIME = re.compile(r"\s*(?:(\d{4}-\d\d-\d\d)|\d{1,2}:\d\d:\d\d)")
 """Times as 2026-01-31T12:00:00.5, with or without a zone, and as 12:00:00.5."""
+
+UNNAMED_TIME = ".time"
+"""Name of the first of one column too many without a header, until it is seen to hold times."""
 
 READ_TIMES = "times as 2026-01-31T12:00:00.5, 31/1/2026 12:00 or 12:00:00.5"
 
@@ -71,6 +74,8 @@ def text_columns(file: Path, expected: Sequence[str]) -> tuple[dict[str, Column]
         values = _column(name, table[position], expected, place, file)
         if values is not None:
             columns[name] = values
+    if UNNAMED_TIME in names:
+        columns = _with_unnamed_time(columns, len(names), expected, file)
     return _with_dates(columns, expected), place
 
 
@@ -212,12 +217,30 @@ def _names_without_header(file: Path, first: list[str], expected: Sequence[str],
     """Names from the comment above the numbers, if it names all columns that are expected; else the expected ones."""
     if len(comment) == len(first) and set(expected) <= set(comment):
         return comment
+    if len(first) == len(expected) + 1 and not any(map(is_time, expected)):
+        return [UNNAMED_TIME, *expected]
     if len(first) != len(expected):
-        raise SysidError(
-            f"{file.name}: {len(first)} columns without a header; expected a header, or the columns "
-            f"{', '.join(expected)}"
-        )
+        raise _without_header(len(first), expected, file)
     return list(expected)
+
+
+def _without_header(count: int, expected: Sequence[str], file: Path) -> SysidError:
+    return SysidError(
+        f"{file.name}: {count} columns without a header; expected a header, or the columns {', '.join(expected)}"
+    )
+
+
+def _with_unnamed_time(
+    columns: dict[str, Column], count: int, expected: Sequence[str], file: Path
+) -> dict[str, Column]:
+    """Take the first of one column too many for times if its numbers rise evenly; refuse the file otherwise."""
+    times = columns.get(UNNAMED_TIME, np.zeros(0))
+    is_text = times.dtype.kind in "mM"
+    if not (is_text or is_clock(times) or is_counter("time", times)):
+        raise _without_header(count, expected, file)
+    message = f"{file.name}: no header; the columns are taken for time, {', '.join(expected)}, as the first rises evenly"
+    warnings.warn(message, SysidWarning, stacklevel=7)
+    return {"time": times, **{name: columns[name] for name in expected}}
 
 
 def _is_value(cell: str) -> bool:

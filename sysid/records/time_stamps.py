@@ -79,7 +79,7 @@ def time_column(
     named = [name for name, values in candidates.items() if is_time(name) and not _constant(values)]
     if named:
         return named[0], "", ()
-    clocks = [name for name, values in candidates.items() if _is_clock(values) and not _constant(values)]
+    clocks = [name for name, values in candidates.items() if is_clock(values) and not _constant(values)]
     if stated is not None:
         # Of a .mat file only vectors as long as the channels tell of their samples.
         samples = max(len(columns[channel]) for channel in channels)
@@ -246,7 +246,7 @@ def _constant(values: Column) -> bool:
     return bool((values.ravel() == values.ravel()[0]).all())
 
 
-def _is_clock(values: Column) -> bool:
+def is_clock(values: Column) -> bool:
     """Whether numbers increase by steps like those of a clock; 0, 1, 2 ... count samples."""
     if values.dtype.kind == "M":
         return True

@@ -6,7 +6,7 @@ import pytest
 import xarray as xr
 from scipy.io import savemat
 
-from sysid import read_csv, read_mat, read_netcdf
+from sysid import read_csv, read_experiments, read_mat, read_netcdf, read_npz
 from sysid.records import reading_process
 from tests.refusals import refused
 
@@ -41,6 +41,34 @@ def test_csv_with_several_channels_and_gaps(tmp_path):
     bare = tmp_path / "bare.csv"
     bare.write_text("1 2\n3 4\n5 5")
     np.testing.assert_array_equal(read_csv(bare, dt=0.1).y[:, 0], [2.0, 4.0, 5.0])
+
+
+def test_a_text_without_header_may_have_times_in_front(tmp_path):
+    path = tmp_path / "robot.txt"
+    rows = [f"{0.02 * k:.2f} {u} {y}" for k, (u, y) in enumerate(zip(U, Y, strict=True))]
+    path.write_text("\n".join(rows))
+    with pytest.warns(UserWarning, match="no header; the columns are taken for time, u, y, as the first rises"):
+        data = read_csv(path)
+    assert data.dt == pytest.approx(0.02)
+    np.testing.assert_array_equal(data.y[:, 0], Y)
+    path.write_text("\n".join(rows[::-1]))
+    refused("3 columns without a header; expected a header, or the columns u, y", read_csv, path)
+
+
+def test_npz(tmp_path):
+    path = tmp_path / "robot.npz"
+    np.savez(path, u=np.column_stack((U, Y)), y=Y, dt=0.02, note="x")
+    data = read_npz(path)
+    assert (data.u.shape, data.dt, data.name) == ((30, 2), 0.02, "robot")
+    np.testing.assert_array_equal(data.y[:, 0], Y)
+    np.savez_compressed(path, time=0.5 * np.arange(30), command=U[None], angle=Y)
+    (data,) = read_experiments(path, inputs=("command",), outputs=("angle",))
+    assert data.dt == 0.5
+    np.savez(path, u=np.array([1.0, None]), y=Y, dt=0.1)
+    refused("unknown column 'u'; there are y, dt .*arrays of Python objects are not read", read_npz, path)
+    for content in (b"no archive", path.read_bytes()[:-60]):
+        path.write_bytes(content)
+        refused("robot.npz: not an .npz file, which numpy.savez writes", read_npz, path)
 
 
 def test_mat(tmp_path):
