@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 AT_ZERO = 1e-9  # modulus of a pole below which it counts as a sample of delay
 AT_INFINITY = 30.0  # modulus of a zero, times dt, from which exp(s dt) is lost in floating-point rounding
+ON_AXIS = 1e-9  # imaginary part of a root, relative to it, below which it counts as real
+SAME_RESPONSE = 1e-9  # error of the response at the samples, relative to its largest value, that pairs may add
 AT_ONE = 1e-9  # distance from z = 1 below which a pole counts as an integrator
 
 
@@ -45,6 +47,10 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
     of the continuous-time model; its parameters and their covariance stay, so that poles (`damp`), response and
     bandwidth have intervals.
 
+    No real system has exp(s dt) = -a < 0 with one pole. Each pole on the negative real axis becomes a complex pair
+    s = (log(a) +- i pi) / dt at the Nyquist frequency, as in MATLAB, which raises the order; the response at the
+    samples stays the same, and `c2d` gives it back, with the pole twice and one of them cancelled.
+
     Args:
         model: An estimate, or a model, whose noise model is ignored.
         intersample: Behaviour of the input between samples: held (`zoh`) or linear (`foh`). By default that of the data
@@ -55,12 +61,12 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
         system with its names.
 
     Raises:
-        SysidError: A pole at zero or on the negative real axis (a delay, or an oscillation at Nyquist): no real
-            system of this order has it.
+        SysidError: A pole at zero, which is a delay: exp(s dt) is zero of no s. Poles on the negative real axis so
+            close to others that they cannot be separated.
 
     Warns:
-        SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held. The noise model of
-            an estimate has such a pole, and is left out.
+        SysidWarning: Data whose input is band-limited, which no hold describes: it is taken as held. Poles on the
+            negative real axis, which become pairs. The noise model of an estimate has a pole at zero, and is left out.
     """
     model = chosen_model(model)
     if isinstance(model, ContinuousEstimate):
@@ -78,16 +84,21 @@ def d2c(model: StateSpace | Estimate, *, intersample: Hold | None = None) -> "co
         hold = "zoh"
     _is_linear(hold)
     if not isinstance(model, Estimate):
-        return _unsampled(replace(as_model(model).input_path(), K=None), hold).to_control()
+        path = replace(as_model(model).input_path(), K=None)
+        continuous = _unsampled(path, hold)
+        _warn_of_pairs(continuous, path.poles())
+        return continuous.to_control()
     realise = Unsampled(model.realise, hold, noise=True)
     # one trial run tells whether the noise model can be converted: its poles alone may have no continuous counterpart
     try:
-        realise(model.parameters)
+        continuous = realise(model.parameters)
     except SysidError:
         realise = Unsampled(model.realise, hold, noise=False)
-        realise(model.parameters)
-        message = "the noise model has a pole at zero or on the negative real axis and is left out of the conversion"
+        continuous = realise(model.parameters)
+        message = "the noise model has a pole that no continuous-time model has, at zero, and is left out"
         warnings.warn(message, SysidWarning, stacklevel=2)
+    converted = model.model if realise.noise else model.model.input_path()
+    _warn_of_pairs(continuous, converted.poles())
     return continuous_estimate(model, realise)
 
 
@@ -135,15 +146,14 @@ def _with_separate_noise(path: StateSpace, model: StateSpace) -> StateSpace:
 
 def _unsampled(model: StateSpace, intersample: str, delays: Sequence[int] = (0,)) -> ContinuousModel:
     """Model in continuous time, its innovation held; delays in samples, one for all inputs or one each."""
-    _check_match(model.poles())
+    poles = model.poles()
+    _check_no_delay(poles)
+    if _without_match(poles).any():
+        model, F, rates_of_drive = _with_pairs(model)
+    else:
+        F, rates_of_drive = _rates(model.A, np.hstack((model.B, model.gain)), model.dt)
     n, nu = model.order, model.nu
-    drive = np.hstack((model.B, model.gain))
-    held_inputs = drive.shape[1]
-    # held inputs are states that do not change, so that one logarithm gives F, G and K [Franklin1998]
-    augmented = np.block([[model.A, drive], [np.zeros((held_inputs, n)), np.eye(held_inputs)]])
-    rates = np.real(scipy.linalg.logm(augmented)) / model.dt
-    F, G, K = rates[:n, :n], rates[:n, n : n + nu], rates[:n, n + nu :]
-    D = model.D
+    G, K, D = rates_of_drive[:, :nu], rates_of_drive[:, nu:], model.D
     if intersample == "foh":
         blocks = np.eye(3 * n, k=n)
         blocks[:n, :n] = F * model.dt
@@ -154,6 +164,75 @@ def _unsampled(model: StateSpace, intersample: str, delays: Sequence[int] = (0,)
     states = replace(model, A=F, B=G, D=D, K=gain)
     delays_in_seconds = model.dt * np.broadcast_to(np.asarray(delays, dtype=float), D.shape)
     return ContinuousModel(states, delays_in_seconds, intersample)
+
+
+def _rates(A: FloatArray, drive: FloatArray, dt: float) -> tuple[FloatArray, FloatArray]:
+    """F and the effect of held inputs per s, of which A = exp(F dt) and `drive` are the samples."""
+    n, held_inputs = drive.shape
+    # held inputs are states that do not change, so that one logarithm gives F, G and K [Franklin1998]
+    augmented = np.block([[A, drive], [np.zeros((held_inputs, n)), np.eye(held_inputs)]])
+    rates = np.real(scipy.linalg.logm(augmented)) / dt
+    return rates[:n, :n], rates[:n, n:]
+
+
+def _with_pairs(model: StateSpace) -> tuple[StateSpace, FloatArray, FloatArray]:
+    """The model with every state of a negative real pole twice, and its F and the effect of held inputs per s.
+
+    With N the block of these poles and w = pi / dt, exp(F dt) = diag(N, N) for F = [[L, w I], [-w I, L]],
+    L = log(-N) / dt, since L and w I commute and the rotation by pi is -I. Only the first copy is driven and seen.
+    """
+    T, Z, m = scipy.linalg.schur(model.A, output="real", sort=_is_negative)
+    negative, rest = T[:m, :m], T[m:, m:]
+    # T11 X - X T22 = -T12 makes the two groups of states independent
+    X = scipy.linalg.solve_sylvester(negative, -rest, -T[:m, m:])
+    to_states = Z @ np.block([[np.eye(m), X], [np.zeros((len(rest), m)), np.eye(len(rest))]])
+    drive = np.linalg.solve(to_states, np.hstack((model.B, model.gain)))
+    C = model.C @ to_states
+    rotation = np.pi / model.dt * np.eye(m)
+    L = np.real(scipy.linalg.logm(-negative)) / model.dt
+    pairs = np.block([[L, rotation], [-rotation, L]])
+    twice = np.vstack((drive[:m], np.zeros((m, drive.shape[1]))))
+    # the mean of exp(F s) over an interval takes the held input to the next sample
+    exponents = np.block([[pairs, np.eye(2 * m)], [np.zeros((2 * m, 4 * m))]]) * model.dt
+    of_pairs = np.linalg.solve(scipy.linalg.expm(exponents)[: 2 * m, 2 * m :], twice)
+    F_rest, of_rest = _rates(rest, drive[m:], model.dt)
+    sampled = replace(
+        model,
+        A=scipy.linalg.block_diag(negative, negative, rest),
+        B=np.vstack((twice, drive[m:]))[:, : model.nu],
+        C=np.hstack((C[:, :m], np.zeros((model.ny, m)), C[:, m:])),
+        K=np.vstack((twice, drive[m:]))[:, model.nu :] if model.gain.any() else None,
+    )
+    _check_same_samples(model, sampled)
+    return sampled, scipy.linalg.block_diag(pairs, F_rest), np.vstack((of_pairs, of_rest))
+
+
+def _is_negative(real: float, imaginary: float) -> bool:
+    return real < 0.0 and abs(imaginary) <= ON_AXIS * abs(complex(real, imaginary))
+
+
+def _check_same_samples(model: StateSpace, sampled: StateSpace) -> None:
+    """Refuse a split of the states that costs the response more than its ninth digit."""
+    f = np.linspace(0.0, 0.5, 33)[1:] / model.dt
+    expected, got = model.frequency_response(f), sampled.frequency_response(f)
+    if not np.abs(got - expected).max() <= SAME_RESPONSE * np.abs(expected).max():
+        raise SysidError(
+            "the model has poles on the negative real axis so close to others that they cannot be converted to pairs "
+            "without loss of digits; fit a lower order"
+        )
+
+
+def _warn_of_pairs(continuous: ContinuousModel, poles: ComplexArray) -> None:
+    """Warn that poles on the negative real axis have become pairs, which raises the order."""
+    negative = poles[_without_match(poles)]
+    if len(negative):
+        listed_poles = ", ".join(f"{pole.real:.4g}" for pole in negative)
+        message = (
+            f"{len(negative)} pole(s) on the negative real axis, {listed_poles}, become complex pairs at the Nyquist "
+            f"frequency: the continuous-time model has order {continuous.order}, and its response is the same at the "
+            "samples and oscillates between them"
+        )
+        warnings.warn(message, SysidWarning, stacklevel=3)
 
 
 @overload
@@ -325,8 +404,18 @@ def _check_proper(zeros: int, poles: int) -> None:
 
 def _without_match(roots: ComplexArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Mask of the roots z that are no exp(s dt) on the principal branch: at zero, or on the negative real axis."""
-    on_axis = np.abs(roots.imag) <= 1e-9 * np.abs(roots)
+    on_axis = np.abs(roots.imag) <= ON_AXIS * np.abs(roots)
     return (np.abs(roots) < AT_ZERO) | ((roots.real < 0.0) & on_axis)
+
+
+def _check_no_delay(poles: ComplexArray) -> None:
+    """Refuse discrete poles at zero: exp(s dt) is zero of no s."""
+    at_zero = int((np.abs(poles) < AT_ZERO).sum())
+    if at_zero:
+        raise SysidError(
+            f"the model has {at_zero} pole(s) at zero, samples of delay, which no continuous-time model without delay "
+            "has, as exp(s dt) is never zero; remove delays by split_delay, or fit a lower order"
+        )
 
 
 def _check_match(poles: ComplexArray) -> None:

@@ -238,7 +238,8 @@ def _with_unnamed_time(
     is_text = times.dtype.kind in "mM"
     if not (is_text or is_clock(times) or is_counter("time", times)):
         raise _without_header(count, expected, file)
-    message = f"{file.name}: no header; the columns are taken for time, {', '.join(expected)}, as the first rises evenly"
+    names = ", ".join(("time", *expected))
+    message = f"{file.name}: no header; the columns are taken for {names}, as the first rises evenly"
     warnings.warn(message, SysidWarning, stacklevel=7)
     return {"time": times, **{name: columns[name] for name in expected}}
 

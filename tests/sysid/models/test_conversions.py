@@ -124,9 +124,58 @@ def test_integrators_survive():
     np.testing.assert_allclose(d2c(double).A @ d2c(double).A, 0.0, atol=1e-6)
 
 
+def test_negative_poles_become_pairs_at_nyquist_as_in_matlab():
+    """The example of MATLAB's page "Convert Discrete-Time System to Continuous Time": order 2 becomes 3."""
+    states = control.ss(control.zpk([-0.5], [-2.0, 5.0], 1.0, dt=0.1))
+    discrete = StateSpace(states.A, states.B, states.C, states.D, None, 0.1)
+    with pytest.warns(SysidWarning, match=r"1 pole.* -2, become complex pairs at the Nyquist frequency.* order 3"):
+        continuous = control.tf(d2c(discrete))
+    numerator, denominator = continuous.num[0][0], continuous.den[0][0]
+    np.testing.assert_allclose(numerator[-3:], 2.6663 * np.array([1.0, 14.28, 780.9]), rtol=1e-3)
+    np.testing.assert_allclose(denominator, np.convolve([1.0, -16.09], [1.0, -13.86, 1035.0]), rtol=1e-3)
+
+
+@pytest.mark.parametrize("intersample", ["zoh", "foh"])
+@pytest.mark.parametrize(
+    "A",
+    [
+        [[-0.5]],
+        [[-1.0]],
+        [[-0.5, 1.0], [0.0, -0.5]],
+        [[0.9, 0.3, 0], [0, -0.3, 0.2], [0, 0, -0.2]],
+        [[1.0, 2], [0, -0.019]],
+    ],
+)
+def test_negative_poles_keep_the_response_at_the_samples(A, intersample):
+    n = len(A)
+    discrete = StateSpace(A, np.ones((n, 1)), np.ones((1, n)), [[0.3]], None, DT)
+    with pytest.warns(SysidWarning, match="negative real axis"):
+        continuous = d2c(discrete, intersample=intersample)
+    back = c2d(continuous, DT, intersample=intersample)
+    np.testing.assert_allclose(back.markov(50), discrete.markov(50), rtol=1e-9, atol=1e-9)
+
+
+def test_an_estimate_with_a_negative_pole_keeps_its_noise_model_and_its_file(tmp_path):
+    rng = np.random.default_rng(0)
+    u, e = rng.standard_normal((2, 2000))
+    y = lfilter([0, -2.145, 4.224], [1, -0.9742, -0.01883], u) + lfilter([1], [1, -0.9742, -0.01883], e)
+    estimate = sysid.arx(IOData(u, y, 4.5e-4), 2, 2)
+    with pytest.warns(SysidWarning, match="order 3"):
+        continuous = d2c(estimate)
+    assert continuous.continuous.order == 3
+    np.testing.assert_allclose(continuous.covariance, estimate.covariance)
+    f = np.linspace(1.0, 1100.0, 20)
+    for model in (
+        c2d(continuous, 4.5e-4).model,
+        sysid.read_model(sysid.write_model(continuous, tmp_path / "a.json")).model,
+    ):
+        for name in ("frequency_response", "noise_response"):
+            np.testing.assert_allclose(getattr(model, name)(f), getattr(estimate.model, name)(f), rtol=1e-9)
+
+
 def test_what_has_no_continuous_counterpart_is_refused():
     delay = StateSpace([[0.0]], [[1.0]], [[1.0]], [[0.0]], None, DT)
-    refused(r"1 pole\(s\) at zero or on the negative real axis, 0", lambda: d2c(delay))
+    refused(r"1 pole\(s\) at zero, samples of delay, .* exp\(s dt\) is never zero", lambda: d2c(delay))
     negative = StateSpace([[-0.5]], [[1.0]], [[1.0]], [[0.0]], None, DT)
     refused(r"1 pole\(s\) at zero or on the negative real axis, -0\.5", d2c_matched, negative)
     refused("expected a continuous-time", lambda: c2d(delay.to_control(), DT))
