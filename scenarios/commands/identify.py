@@ -1,7 +1,7 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -146,7 +146,7 @@ def identify(
         # What the writer of a format warns of is listed with the remarks on the model.
         with warnings.catch_warnings(record=True) as caught, output_folder(save.parent):
             warnings.simplefilter("always", UserWarning)
-            _save(found.result.fitted.estimate, save, typed)
+            _save(found.result.fitted.estimate, save, typed, found.warnings)
         remarks += [str(warning.message) for warning in caught]
     pictures = [] if out is None else _draw(found.result, out, data[0].stem)
     if json:
@@ -187,11 +187,15 @@ def _say_next(options: Mapping[str, Any], save: Path | None, *, has_figures: boo
         say(f"next: {command_line('hmtb compare', compare, {**again, **of_record})}")
 
 
-def _save(model: "Estimate", path: Path, typed: str) -> None:
+def _save(model: "Estimate", path: Path, typed: str, remarks: Sequence[str]) -> None:
     """Write the model with its operating point, in the format that the ending names."""
+    from dataclasses import replace
+
     from sysid import exchange
 
     if path.suffix == ".json":
+        # The remarks have those of the estimator, and others on the reading of the data.
+        model = replace(model, diagnostics={**model.diagnostics, "warnings": tuple(remarks)})
         exchange.write_model(model, path, command=typed)
     else:
         {".m": exchange.to_matlab, ".c": exchange.to_c, ".fmu": exchange.to_fmu}[path.suffix](model, path)

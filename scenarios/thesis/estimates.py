@@ -58,7 +58,7 @@ def fits(model: Estimate | StateSpace, record: IOData) -> Fits:
     def computed_fits() -> Fits:
         # What an unstable model simulates grows beyond all numbers; its fit is minus infinity then.
         with np.errstate(over="ignore", invalid="ignore"):
-            (score,) = sysid.compare(model, record)
+            (score,) = sysid.compare(key, record)
         return Fits(float(score.simulation[0]), float(score.one_step[0]))
 
     # By the state-space model: a printed model and an estimate are looked up alike.

@@ -1,5 +1,6 @@
 """The model file: a model or estimate as JSON, every bit of it, described in docs/model-file.md."""
 
+import re
 from dataclasses import fields
 from itertools import chain
 from pathlib import Path
@@ -21,12 +22,13 @@ from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arguments import file_path, shown
 from sysid.records.arrays import FloatArray, real_array
-from sysid.records.errors import SysidError
+from sysid.records.errors import SysidError, warn_each
 
 FORMAT, VERSION = "sysid-model", 1
 ENDING = ".json"
 KINDS = {"estimate": Estimate, "state_space": StateSpace, "polynomials": Polynomials}
 LARGEST = 1e150  # largest entry of a covariance: its squares are finite
+HASH = re.compile(r"[0-9a-f]{64}")
 HEAD = ("format", "version", "software")
 
 
@@ -82,12 +84,19 @@ def read_model(path: str | Path) -> Estimate | StateSpace | Polynomials:
     Raises:
         SysidError: No file, no JSON, another format or version, keys that are missing or unknown, numbers that are not
             finite, shapes that do not fit.
+
+    Warns:
+        SysidWarning: Each warning of the fit that the file holds.
     """
     file = file_path(path)
     try:
-        return _model(parsed(file))
+        model = _model(parsed(file))
     except SysidError as error:
         raise SysidError(f"{file.name}: {error}") from error
+    if isinstance(model, Estimate):
+        remarks = model.diagnostics.get("warnings", ())
+        warn_each(f"{file.name}: warning of the fit: {remark}" for remark in remarks)
+    return model
 
 
 def _model(content: Any) -> Estimate | StateSpace | Polynomials:
@@ -167,6 +176,10 @@ def _check_data(data: Any, model: StateSpace, *, sampled: bool) -> None:
         raise SysidError(f"data.dt: expected {model.dt:g} s as the model, got {data.dt:g}")
     if data.intersample not in ("zoh", "foh", "bl"):
         raise SysidError(f"data.intersample: expected zoh, foh or bl, got {shown(data.intersample)}")
+    if len(data.hashes) not in (0, len(data.samples)) or not all(map(HASH.fullmatch, data.hashes)):
+        raise SysidError(
+            f"data.hashes: expected 64 hexadecimal digits per experiment, or none, got {shown(data.hashes)}"
+        )
     per_channel: dict[str, tuple[Any, int]] = {}
     for name, labels in data.labels.items():
         per_channel[name] = (labels, len(getattr(model, name)))

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sysid.models.record_hash import record_hash
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.printing import counted
@@ -31,6 +32,8 @@ class DataSummary:
             per output.
         output_deviation: Standard deviation of each output, of several experiments each from its own mean; empty of a
             frequency response.
+        hashes: Hash of the samples of each experiment, as `record_hash` makes it; empty of a frequency response, and of
+            model files of earlier versions.
     """
 
     samples: tuple[int, ...]
@@ -45,6 +48,7 @@ class DataSummary:
     output_offset: tuple[float, ...] | None = None
     frequencies: tuple[float, ...] = ()
     output_deviation: tuple[float, ...] = ()
+    hashes: tuple[str, ...] = ()
 
     @staticmethod
     def of(experiments: Sequence[IOData]) -> "DataSummary":
@@ -65,7 +69,15 @@ class DataSummary:
             input_offset=_mean_offset(input_offsets, lengths),
             output_offset=_mean_offset(output_offsets, lengths),
             output_deviation=_deviations(experiments),
+            hashes=tuple(record_hash(e) for e in experiments),
         )
+
+    def include(self, record: IOData) -> bool:
+        """Whether the record, or its beginning, is an experiment of these data; false where their hash is not known."""
+        for length, expected in zip(self.samples, self.hashes, strict=False):
+            if length <= len(record) and record_hash(record, length) == expected:
+                return True
+        return False
 
     @property
     def labels(self) -> dict[str, Any]:

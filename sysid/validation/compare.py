@@ -1,7 +1,9 @@
 """Fits of models to data in simulation, one step ahead, and over any other horizon."""
 
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from html import escape
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +14,13 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError
+from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Table
 
 Model = StateSpace | Estimate | Choice
+
+OWN_DATA = "estimated from this record, or from its beginning"
+"""What is said of a model on the data of its fit."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,6 +38,8 @@ class ModelFit(Locked):
         predicted_ahead: Prediction over that horizon (N, ny).
         by_experiment: The same by experiment; empty for a single record.
         output_names: One name per output.
+        is_training: Whether the model was estimated from a record of the data set, or from its beginning, so that the
+            fit is no validation.
     """
 
     name: str
@@ -45,6 +52,7 @@ class ModelFit(Locked):
     predicted_ahead: FloatArray = field(kw_only=True)
     by_experiment: tuple["ModelFit", ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
+    is_training: bool = field(default=False, kw_only=True)
 
     def __str__(self) -> str:
         """One line with all fits, per output if there are several, and a line for each of several experiments."""
@@ -55,6 +63,8 @@ class ModelFit(Locked):
                 fits += f", {self.ahead[i]:.2f} % {self.steps} steps ahead"
             fits_by_output.append(f"{output}: {fits}" if output else fits)
         lines = [f"{self.name}: {'; '.join(fits_by_output)}"]
+        if self.is_training:
+            lines.append(f"  {OWN_DATA}: no validation")
         lines += [f"  {fit}" for fit in self.by_experiment]
         return "\n".join(lines)
 
@@ -73,11 +83,15 @@ class Fits(tuple[ModelFit, ...]):
     __slots__ = ()
 
     def __str__(self) -> str:
-        """Table of all fits."""
-        return self._table().text()
+        """Table of all fits, and which of them are to the data of the fit."""
+        return "\n".join((self._table().text(), *self._notes()))
+
+    def _notes(self) -> list[str]:
+        return [f"{fit.name}: {OWN_DATA}: no validation" for fit in self if fit.is_training]
 
     def _repr_html_(self) -> str:
-        return self._table().html()
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self._notes())
+        return self._table().html() + notes
 
     def _table(self) -> Table:
         """A row for each model and output, and below it one for each of several experiments."""
@@ -125,13 +139,26 @@ def compare(
 
     Raises:
         SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
+
+    Warns:
+        SysidWarning: A model was estimated from one of the records.
     """
     named = models if isinstance(models, Mapping) else _named(models)
     if not named:
         raise SysidError("expected at least one model, got none")
     steps = whole_number("steps (the simulation is always included)", steps, 1)
     experiments = as_experiments(data, missing=True, series=True)
-    return Fits(_fit_to_experiments(name, model, experiments, steps) for name, model in named.items())
+    fits = Fits(_fit_to_experiments(name, model, experiments, steps) for name, model in named.items())
+    if training := [fit.name for fit in fits if fit.is_training]:
+        message = f"{', '.join(training)}: {OWN_DATA}, so that the fit is no validation"
+        warnings.warn(message, SysidWarning, stacklevel=2)
+    return fits
+
+
+def is_training(model: Model, experiments: Sequence[IOData]) -> bool:
+    """Whether a model was estimated from one of the experiments, or from its beginning; false where nobody knows."""
+    model = chosen_model(model)
+    return isinstance(model, Estimate) and any(model.data.include(experiment) for experiment in experiments)
 
 
 def _named(models: Model | Sequence[Model]) -> dict[str, Model]:
@@ -159,18 +186,19 @@ class _Outputs:
 
 def _fit_to_experiments(name: str, model: Model, experiments: Sequence[IOData], steps: int) -> ModelFit:
     """Fit of a model to all experiments, with that to each of several."""
+    own_data = is_training(model, experiments)
     outputs = []
     for experiment in experiments:
         # with steps = 1 one prediction serves twice
         by_horizon = {horizon: predict(model, experiment, steps=horizon) for horizon in {None, 1, steps}}
         outputs.append(_Outputs(by_horizon[None], by_horizon[1], by_horizon[steps]))
     if len(experiments) == 1:
-        return _fit_of_outputs(name, experiments, outputs, steps)
+        return replace(_fit_of_outputs(name, experiments, outputs, steps), is_training=own_data)
     fits = []
     for k, (experiment, of_experiment) in enumerate(zip(experiments, outputs, strict=True), 1):
         label = experiment.name or f"experiment {k}"
         fits.append(_fit_of_outputs(label, [experiment], [of_experiment], steps))
-    return _fit_of_outputs(name, experiments, outputs, steps, tuple(fits))
+    return replace(_fit_of_outputs(name, experiments, outputs, steps, tuple(fits)), is_training=own_data)
 
 
 def _fit_of_outputs(

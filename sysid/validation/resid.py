@@ -18,6 +18,7 @@ from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
+from sysid.validation.compare import OWN_DATA, is_training
 from sysid.validation.feedback import addition_p
 
 NEGLIGIBLE = 1e-14  # residuals, relative to the outputs or to those of another output, that are rounding
@@ -128,6 +129,8 @@ class ResidualTest(Locked):
             feedback, or for a direct term that the model lacks.
         output_names: One name per output.
         input_names: One name per input.
+        is_training: Whether the model was estimated from one of the records, or from its beginning: the tests are then
+            conservative, since the parameters take degrees of freedom, and no validation.
     """
 
     residuals: FloatArray
@@ -146,11 +149,14 @@ class ResidualTest(Locked):
     feedback_p: FloatArray
     output_names: tuple[str, ...]
     input_names: tuple[str, ...]
+    is_training: bool = False
 
     def __str__(self) -> str:
         """A line per output for whiteness, a line per pair for independence of past inputs."""
         verdict = "passed" if self.passed else "not passed"
         lines = [f"Residual tests at {100 * self.level:g} %: {verdict}"]
+        if self.is_training:
+            lines[0] += f" (on data of the fit: {OWN_DATA})"
         lines += [self._whiteness_line(i) for i in range(len(self.white))]
         lines += [self._independence_line(i, j) for i, j in np.ndindex(self.independent.shape)]
         for i, j in np.argwhere(self.feedback):
@@ -258,6 +264,7 @@ def resid(
         feedback_p=p_feedback,
         output_names=first.output_names or (),
         input_names=first.input_names or (),
+        is_training=is_training(estimate, experiments),
     )
 
 

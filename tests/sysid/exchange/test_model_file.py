@@ -2,6 +2,7 @@
 
 import json
 import re
+import warnings
 from dataclasses import fields, replace
 from functools import cache
 from pathlib import Path
@@ -13,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import sysid
-from sysid import ContinuousEstimate, Estimate, IOData, Polynomials, StateSpace, read_model, write_model
+from sysid import ContinuousEstimate, Estimate, IOData, Polynomials, StateSpace, SysidWarning, read_model, write_model
 from sysid.models import band, innovations_form
 from sysid.models.data_summary import DataSummary
 from tests.refusals import refused
@@ -155,6 +156,33 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
     refused("is a folder", write_model, Polynomials(), tmp_path / "folder.json")
     refused(r"ends with \.json", write_model, Polynomials(), tmp_path / "model.txt")
     refused("got ndarray", write_model, np.eye(2), path)
+
+
+def test_a_saved_model_knows_its_record_and_the_warnings_of_its_fit(tmp_path):
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(400)
+    data = IOData(u, np.append(0.0, u[:-1]) + rng.standard_normal(400), DT)
+    fitted = sysid.oe(data, 1, 1)
+    warned = replace(fitted, diagnostics={**fitted.diagnostics, "warnings": ("rank 1 of 2", "no noise")})
+    path = write_model(warned, tmp_path / "servo.json")
+    with pytest.warns(SysidWarning) as caught:
+        model = read_model(path)
+    expected = ["servo.json: warning of the fit: rank 1 of 2", "servo.json: warning of the fit: no noise"]
+    assert [str(one.message) for one in caught] == expected
+    with pytest.warns(SysidWarning, match="estimated from this record"):
+        sysid.compare(model, data)
+    # Files of earlier releases have no hash: they are read, and nothing is said of their record.
+    content = json.loads(path.read_text())
+    del content["estimate"]["data"]["hashes"]
+    content["estimate"]["diagnostics"] = {}
+    path.write_text(json.dumps(content))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        (fit,) = sysid.compare(read_model(path), data)
+    assert not fit.is_training
+    content["estimate"]["data"]["hashes"] = ["abc"]
+    path.write_text(json.dumps(content))
+    refused("data.hashes: expected 64 hexadecimal digits per experiment", read_model, path)
 
 
 BROKEN = [

@@ -1,9 +1,11 @@
+import warnings
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 
-from sysid import IOData, armax, compare, oe, predict
+from sysid import IOData, SysidWarning, armax, compare, oe, predict, resid
 from sysid.validation import fit_percent
 from tests.refusals import refused
 from tests.sysid.systems import losing
@@ -90,9 +92,36 @@ def test_fits_print_as_a_table(p3):
     fits = compare({"a": estimate, "b & c": estimate}, [data, data], steps=3)
     head, *rows = str(fits).splitlines()
     assert head.split("  ")[-1] == "3 steps ahead"
-    assert [row.split("  ")[0] for row in rows] == ["a", "", "", "b & c", "", ""]
+    note = "estimated from this record, or from its beginning: no validation"
+    assert rows[6:] == [f"a: {note}", f"b & c: {note}"]
+    assert [row.split("  ")[0] for row in rows[:6]] == ["a", "", "", "b & c", "", ""]
     assert f"{fits[0].simulation[0]:.2f}" in rows[0]
     assert "b &amp; c" in fits._repr_html_()
+
+
+def test_a_model_on_the_data_of_its_fit_is_no_validation(p3):
+    data, fresh = p3.draw(0), p3.draw(1)
+    level = replace(data, u=1e3 * data.u + 7.0, y=data.y + 1e4)
+    estimate = oe(data[:1500].detrend(), 2, 2)
+    for own in (data[:1500], data, [fresh, data], level):
+        with pytest.warns(SysidWarning, match="1: oe: estimated from this record, or from its beginning"):
+            (fit,) = compare(estimate, own)
+        assert fit.is_training
+        assert "no validation" in str(fit)
+        assert resid(estimate, own).is_training
+        assert "data of the fit" in str(resid(estimate, own))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for other in (
+            fresh,
+            data[1:],
+            data[:1400],
+            replace(data, y=np.where(np.arange(len(data)) == 5, 0.0, data.y.T).T),
+        ):
+            assert not compare(estimate, other)[0].is_training
+            assert not resid(estimate, other).is_training
+        # of a model alone nobody knows
+        assert not compare(estimate.model, data)[0].is_training
 
 
 def test_an_estimate_knows_the_fit_to_its_own_data(p3):
