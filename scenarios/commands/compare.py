@@ -51,8 +51,9 @@ def compare(
     Fits are 100 (1 - |y - yhat| / |y - mean y|): 100 is perfect, 0 no better than the mean. A simulation uses only the
     commands. A prediction one step ahead also uses all earlier measurements, if the model describes the noise; one that
     does not (OE) predicts no better than it simulates. Without --estimation, models are fitted to the record itself,
-    which they then fit better than any other. Every model is judged about its own operating point, with its initial
-    state fitted. Files are read as by hmtb identify.
+    which they then fit better than any other; a warning says so, also of a model file that was identified from DATA.
+    Warnings of the fit of a model file are repeated. Every model is judged about its own operating point, with its
+    initial state fitted. Files are read as by hmtb identify.
 
       hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/2 okid:2
       hmtb compare rpcm.nc --joint shoulder_yaw shoulder_pitch elbow_pitch --models published:sysid published:okid

@@ -177,7 +177,8 @@ def _judged_known(
     else:
         level = unexplained_offset(model, about_means)[0]
         checked = tuple(record.subtract(y=level) for record in about_means)
-    (fit,) = sysid.compare({known.label: model}, checked, steps=steps)
+    # An estimate knows the record that it is from, of which its matrices alone tell nothing.
+    (fit,) = sysid.compare({known.label: known.model}, checked, steps=steps)
     hz = model.bandwidth()
     ci95 = np.full((*hz.shape, 2), np.nan)
     # A saved estimate has the covariance that intervals need; a matrix that is printed has none.

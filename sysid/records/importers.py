@@ -292,7 +292,13 @@ def experiments_of(paths: str | Path | Sequence[str | Path], choice: Choice) -> 
     records: list[IOData] = []
     for file in files:
         load = _from_log if file.is_dir() else _LOADERS.get(file.suffix.lower(), _from_text)
-        records.extend(load(file, choice))
+        try:
+            records.extend(load(file, choice))
+        except SysidError as error:
+            if len(files) == 1 or "unknown column" not in str(error):
+                raise
+            hint = "; several files are experiments, each with all inputs and outputs: join signals of one experiment"
+            raise SysidError(f"{error}{hint} in one table first, by time (pandas.merge_asof)") from error
     return one_interval(records)
 
 

@@ -82,6 +82,13 @@ def test_the_same_record_under_another_name_is_no_validation(result, logs, csv, 
     assert result("compare", held_out, "--models", "arx:1/1", "--estimation", end)["warnings"] == []
 
 
+def test_a_model_file_on_its_own_record_is_no_validation(result, csv, tmp_path):
+    model = tmp_path / "servo.json"
+    result("identify", csv, "--method", "oe", "--orders", 2, 2, 1, "--save", model)
+    (remark,) = result("compare", csv, "--models", model)["warnings"]
+    assert "servo: estimated from this record, or from its beginning, so that the fit is no validation" in remark
+
+
 def test_the_fits_are_those_of_identify(result, csv):
     (entry,) = result("compare", csv, "--models", "arx:1/1", "--steps", "3")["models"]
     same = result("identify", csv, "--method", "arx", "--orders", "1", "1", "--steps", "3")
