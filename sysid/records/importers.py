@@ -427,11 +427,11 @@ def _rows_with_inputs(
     Raises:
         SysidError: Inputs are missing without `missing`, or so many that a column may be logged only when it changes.
     """
-    unknown = {}
+    unknown: dict[str, NDArray[np.bool_]] = {}
     for name in choice.inputs:
         values = columns[name]
         if values.dtype.kind == "f" and np.isnan(values).any():
-            unknown[name] = np.isnan(values.reshape(len(values), -1)).any(axis=1)
+            unknown[name] = np.asarray(np.isnan(values.reshape(len(values), -1)).any(axis=1))
     if not unknown:
         return slice(None), ()
     name, mask = max(unknown.items(), key=lambda item: int(item[1].sum()))

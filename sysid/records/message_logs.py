@@ -358,7 +358,7 @@ def _opened(file: Path) -> Iterator[_Log]:
         # Bags of ROS 2 before Iron hold no definitions: those of the standard messages are known.
         with AnyReader([file], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as bag:
 
-            def bag_messages(topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+            def bag_messages(topics: Collection[str]) -> Iterator[tuple[str, str, int, Any]]:
                 connections = [connection for connection in bag.connections if connection.topic in topics]
                 sources = {connection.id: _node(connection) for connection in connections}
                 for connection, at, data in bag.messages(connections=connections):
@@ -376,7 +376,7 @@ def _opened(file: Path) -> Iterator[_Log]:
         channels = summary.channels.values() if summary else (channel for _, channel, _ in reader.iter_messages())
         decoders: dict[int, Callable[[bytes], Any]] = {}
 
-        def mcap_messages(topics: Collection[str]) -> Iterator[tuple[str, int, Any]]:
+        def mcap_messages(topics: Collection[str]) -> Iterator[tuple[str, str, int, Any]]:
             for schema, channel, message in reader.iter_messages(topics=topics):
                 if channel.id not in decoders:
                     decoders[channel.id] = _decoder(schema, channel, file)

@@ -53,7 +53,9 @@ def test_an_estimate_lists_parameters_with_their_deviations():
 def test_fits_and_tests_give_their_verdict():
     estimate = sysid.oe(DATA, 1, 1, 1)
     (fit,) = sysid.compare({"mine": estimate}, DATA)
-    assert str(fit) == f"mine: {fit.simulation[0]:.2f} % in simulation, {fit.one_step[0]:.2f} % one step ahead"
+    line, note = str(fit).splitlines()
+    assert line == f"mine: {fit.simulation[0]:.2f} % in simulation, {fit.one_step[0]:.2f} % one step ahead"
+    assert note == "  estimated from this record, or from its beginning: no validation"
     good, bad = sysid.resid(estimate, DATA), sysid.resid(sysid.oe(DATA, 1, 0, 1), DATA)
     assert str(good).splitlines()[2].startswith("  y1 and u1: independent (p = ")
     assert "not passed" in str(bad)

@@ -58,7 +58,7 @@ def test_a_text_without_header_may_have_times_in_front(tmp_path):
 def test_signals_of_one_experiment_in_two_files_are_no_experiments(tmp_path):
     for name in ("u", "y"):
         (tmp_path / f"{name}.csv").write_text(text(f"t,{name}", np.column_stack((0.02 * np.arange(30), U))))
-    message = "u.csv: unknown column 'y'; there are t, u; several files are experiments, each with all .* merge_asof"
+    message = "u.csv: unknown column 'y'; there are t, u; several files are experiments, each with all .*merge_asof"
     refused(message, read_experiments, [tmp_path / "u.csv", tmp_path / "y.csv"])
 
 
