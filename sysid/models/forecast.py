@@ -18,8 +18,9 @@ from sysid.models.predict import (
     chosen_model,
     fitted_state,
     initial_state,
+    predictor_inputs,
 )
-from sysid.models.recursion import free_response, kalman_filter, state_trajectory
+from sysid.models.recursion import driven_output, driven_states, free_response, kalman_filter
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
@@ -121,7 +122,7 @@ def forecast(model: StateSpace | Estimate | Choice, data: IOData, steps: int, u:
 def _continued(m: StateSpace, past: IOData, u: FloatArray) -> FloatArray:
     """Outputs expected after the record, from the state that follows its last sample (steps, ny)."""
     state = _state_after(m, past)
-    return state_trajectory(m.A, u @ m.B.T, state) @ m.C.T + u @ m.D.T
+    return driven_output(m.A, m.B, m.C, m.D, u, state)
 
 
 def _state_after(m: StateSpace, past: IOData) -> FloatArray:
@@ -129,10 +130,9 @@ def _state_after(m: StateSpace, past: IOData) -> FloatArray:
     if past.complete or not (m.order and m.gain.any()):
         x0, observer = initial_state(m, past), m.A - m.gain @ m.C
         # without a gain the outputs, which may be missing, have no part in the state
-        y = past.y if m.gain.any() else np.zeros_like(past.y)
-        drive = past.u @ (m.B - m.gain @ m.D).T + y @ m.gain.T
+        B, signals = predictor_inputs(m, m.gain, past.u, past.y)
         # a trajectory holds the states at its samples only: one more row leads to the state after the last
-        return state_trajectory(observer, np.vstack((drive, np.zeros((1, m.order)))), x0)[-1]
+        return driven_states(observer, B, np.vstack((signals, np.zeros((1, B.shape[1])))), x0)[-1]
     no_input = np.zeros((1, past.nu))
     missing_output = np.full((1, past.ny), np.nan)
     extended = replace(past, u=np.vstack((past.u, no_input)), y=np.vstack((past.y, missing_output)))

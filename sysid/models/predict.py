@@ -9,7 +9,14 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
-from sysid.models.recursion import LARGEST, free_response, kalman_filter, output_deviations, state_trajectory
+from sysid.models.recursion import (
+    LARGEST,
+    driven_output,
+    driven_states,
+    free_response,
+    kalman_filter,
+    output_deviations,
+)
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray, real_array
@@ -71,26 +78,13 @@ def simulate(
         )
     # a root of the covariance by eigenvectors: it may be singular
     e = rng.standard_normal((len(inputs), m.ny)) @ standard_directions(m.innovation_covariance).T
-    states = state_trajectory(m.A, inputs @ m.B.T + e @ m.gain.T, start)
-    return states @ m.C.T + inputs @ m.D.T + e
-
-
-LARGEST_TRAJECTORY = 4_000_000  # states times samples that are kept at a time, some 200 MB
+    B, D = np.hstack((m.B, m.gain)), np.hstack((m.D, np.eye(m.ny)))
+    return driven_output(m.A, B, m.C, D, np.hstack((inputs, e)), start)
 
 
 def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
     """Simulated output (N, ny) for checked inputs."""
-    length = max(LARGEST_TRAJECTORY // max(model.order, 1), 1)
-    if len(u) <= length:
-        return state_trajectory(model.A, u @ model.B.T, x0) @ model.C.T + u @ model.D.T
-    simulated = np.empty((len(u), model.ny))
-    state = x0
-    for begin in range(0, len(u), length):
-        inputs = u[begin : begin + length]
-        states = state_trajectory(model.A, inputs @ model.B.T, state)
-        simulated[begin : begin + length] = states @ model.C.T + inputs @ model.D.T
-        state = model.A @ states[-1] + model.B @ inputs[-1]
-    return simulated
+    return driven_output(model.A, model.B, model.C, model.D, u, x0)
 
 
 def as_model(model: StateSpace | Estimate | Choice) -> StateSpace:
@@ -182,8 +176,11 @@ def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | N
             stacklevel=3,
         )
     if data.complete:
-        drive = data.u @ (m.B - m.gain @ m.D).T + data.y @ m.gain.T
-        states = state_trajectory(observer, drive, start)
+        B, signals = predictor_inputs(m, m.gain, data.u, data.y)
+        if steps == 1:
+            D = np.hstack((m.D, np.zeros((m.ny, m.ny))))
+            return driven_output(observer, B, m.C, D, signals, start)
+        states = driven_states(observer, B, signals, start)
     elif run is not None:
         states = run[0][:, :, 0] + run[0][:, :, 1:] @ start
     else:
@@ -198,6 +195,13 @@ def _predicted(m: StateSpace, data: IOData, steps: int | None, x0: ArrayLike | N
     out = output(m, data.u, start)
     out[horizon - 1 :] = ahead @ m.C.T + data.u[horizon - 1 :] @ m.D.T
     return out
+
+
+def predictor_inputs(model: StateSpace, K: FloatArray, u: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Input matrix (n, nu + ny) and signals [u, y] of the predictor with gain K; without y where K is zero."""
+    if not K.any():
+        return model.B, u
+    return np.hstack((model.B - K @ model.D, K)), np.hstack((u, y))
 
 
 def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = None) -> FloatArray:
@@ -226,9 +230,9 @@ def initial_state(model: StateSpace, data: IOData, gain: FloatArray | None = Non
     free = free_response(observer, model.C, samples)
     # samples after the free response has died out carry no information on the initial state
     u, y = u[: len(free)], y[: len(free)]
-    drive = u @ (model.B - K @ model.D).T + y @ K.T
-    states_from_zero = state_trajectory(observer, drive, np.zeros(model.order))
-    error = y - states_from_zero @ model.C.T - u @ model.D.T
+    B, signals = predictor_inputs(model, K, u, y)
+    D = np.hstack((model.D, np.zeros((model.ny, B.shape[1] - model.nu))))
+    error = y - driven_output(observer, B, model.C, D, signals, np.zeros(model.order))
     # an unstable model: only the samples before its response grows too large to compute with
     usable = (np.abs(error) < LARGEST).all(axis=1)
     rows = len(free) if usable.all() else int(np.argmin(usable))

@@ -3,11 +3,52 @@
 import numpy as np
 import scipy
 
+from sysid.models.companion_form import CompanionForm
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
+LARGEST_TRAJECTORY = 4_000_000  # states times samples that are kept at a time, some 200 MB
 LARGEST = 1e100  # largest response that is still used in a least-squares problem
+
+
+def driven_states(A: FloatArray, B: FloatArray, u: FloatArray, x0: FloatArray) -> FloatArray:
+    """Return x(0), ..., x(N-1), (N, n), of x(t+1) = A x(t) + B u(t) from x0 (n,), for u (N, nu)."""
+    form = CompanionForm.of(A)
+    if form is None:
+        return state_trajectory(A, u @ B.T, x0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return form.states(B, u, x0)
+
+
+def driven_output(
+    A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, u: FloatArray, x0: FloatArray
+) -> FloatArray:
+    """Return y (N, ny) of x(t+1) = A x(t) + B u(t), y = C x + D u from x0 (n,), for u (N, nu)."""
+    form = CompanionForm.of(A)
+    if form is None or not form.passes_on(C):
+        return _output_by_blocks(A, B, C, D, u, x0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        first_states = form.first_states(B, u, x0)
+        out = u @ D.T
+        for start, signal in first_states.items():
+            out += signal[:, None] * C[:, start]
+    return out
+
+
+def _output_by_blocks(
+    A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, u: FloatArray, x0: FloatArray
+) -> FloatArray:
+    """`driven_output` of any matrix, in the memory of the states of a block."""
+    length = max(LARGEST_TRAJECTORY // max(len(A), 1), 1)
+    out = np.empty((len(u), len(C)))
+    state = x0
+    for begin in range(0, len(u), length):
+        inputs = u[begin : begin + length]
+        states = state_trajectory(A, inputs @ B.T, state)
+        out[begin : begin + length] = states @ C.T + inputs @ D.T
+        state = A @ states[-1] + B @ inputs[-1]
+    return out
 
 
 def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray:
@@ -36,8 +77,21 @@ def state_trajectory(A: FloatArray, w: FloatArray, x0: FloatArray) -> FloatArray
 def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     """Return C A^t for t = 0, 1, ... until it has died out, at most `steps` rows, (rows, ny, n).
 
-    Powers are formed by doubling. Omitted rows are zero to rounding, or (for an unstable A) too large to compute with.
+    Omitted rows are zero to rounding, or (for an unstable A) too large to compute with. Those of a companion form are
+    filtered, of any other matrix formed by powers.
     """
+    form = CompanionForm.of(A)
+    if form is not None and form.passes_on(C):
+        rows = form.free_response(C, steps)
+    else:
+        rows = _response_by_powers(A, C, steps)
+    usable = (np.abs(rows) < LARGEST).all(axis=(1, 2))
+    usable_rows = len(rows) if usable.all() else int(np.argmin(usable))
+    return rows[: min(steps, usable_rows)]
+
+
+def _response_by_powers(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
+    """C A^t for t = 0, 1, ..., at least until it has died out or overflows; powers are formed by doubling."""
     rows = C[None]
     power = A
     scale = np.abs(C).max() if C.size else 0.0
@@ -48,9 +102,7 @@ def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
             power = power @ power
             if not np.isfinite(power).all() or np.abs(following).max(initial=0.0) <= 1e-17 * scale:
                 break
-    usable = (np.abs(rows) < LARGEST).all(axis=(1, 2))
-    usable_rows = len(rows) if usable.all() else int(np.argmin(usable))
-    return rows[: min(steps, usable_rows)]
+    return rows
 
 
 SEGMENTS = 128  # segments of a record that are filtered side by side, as one vectorised loop
