@@ -105,4 +105,4 @@ def test_commands_that_do_not_run_are_those_of_the_pages():
 
 def test_pages_are_short():
     """All pages together; complete outputs of the benches stand in docs/measured."""
-    assert sum(len((ROOT / name).read_text(encoding="utf-8").split()) for name in PAGES) <= 30_000
+    assert sum(len((ROOT / name).read_text(encoding="utf-8").split()) for name in PAGES) <= 31_000

@@ -226,7 +226,8 @@ def _same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:
         return False
     for part, other in zip(records, others, strict=True):
         outputs, other_outputs = part.retrend().y, other.retrend().y
-        if outputs.shape != other_outputs.shape:
+        # A window is not judged: a part held out stands behind one.
+        if outputs.shape != other_outputs.shape or part.window != other.window:
             return False
         # Subtracting an operating point and adding it again costs the last digits.
         if not np.allclose(outputs, other_outputs, rtol=0.0, atol=1e-9, equal_nan=True):

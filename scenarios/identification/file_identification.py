@@ -116,14 +116,19 @@ def identify_files(
             if held_out is not None and check is None:
                 samples = max(map(len, records))
                 raise ScenarioError(
-                    f"--held-out {share:g} given for {samples} samples in one piece, expected {SHORTEST} or more"
+                    f"--held-out {share:g} given for {samples} samples in one piece, expected {SHORTEST} or more with "
+                    "an input that moves at the end"
                 )
         choice: StructureChoice | None = None
         # Without orders, the method alone limits the choice.
         if orders and method is not None:
-            result = identify(records, method, orders, keep_mean=keep_mean, steps=steps, check=check)
+            result = identify(
+                records, method, orders, keep_mean=keep_mean, steps=steps, check=check, continued=validate is None
+            )
         else:
-            result, choice = choose_and_identify(records, method, keep_mean=keep_mean, steps=steps, check=check)
+            result, choice = choose_and_identify(
+                records, method, keep_mean=keep_mean, steps=steps, check=check, continued=validate is None
+            )
     title = f"{result.fitted.estimate.method.upper()} from {listed([path.name for path in data])}"
     if validate is not None:
         title += f", fits to {validate.name}"
@@ -149,5 +154,5 @@ def _held_out_share(orders: Sequence[int], held_out: float | None, validate: Pat
 def _held_out_in_words(held_out: IOData, data: Sequence[Path]) -> str:
     names = [path.name for path in data if path.stem == held_out.name]
     name = names[0] if names else held_out.name or data[0].name
-    end = held_out.start + len(held_out) * held_out.dt
-    return f"{name} {held_out.start:.6g} to {end:.6g} s, held out: the model is not estimated from them"
+    start, end = held_out.start + held_out.window * held_out.dt, held_out.start + len(held_out) * held_out.dt
+    return f"{name} {start:.6g} to {end:.6g} s, held out: the model is not estimated from them"

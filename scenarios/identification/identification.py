@@ -17,7 +17,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, estimate
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
-from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offset
+from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.validation.input_independence import LIMIT, input_independence
@@ -63,6 +63,7 @@ class Identification:
         test: Residual test on `checked`; None where it cannot be made.
         untested: Why not.
         warnings: Remarks on gaps, bandwidths and numerics.
+        cautions: What the choice of the model could not tell from the record, for which no verdict calls it sufficient.
     """
 
     fitted: FittedModel
@@ -71,6 +72,7 @@ class Identification:
     test: ResidualTest | None
     untested: str
     warnings: tuple[str, ...]
+    cautions: tuple[str, ...] = ()
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb identify --json` prints of it; of a single path numbers, else rows of outputs."""
@@ -150,6 +152,7 @@ def identify(
     keep_mean: bool = False,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
+    continued: bool = False,
 ) -> Identification:
     """Fit a model and judge it on records.
 
@@ -160,6 +163,8 @@ def identify(
         keep_mean: Whether to take values as they are, without an operating point.
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
+        continued: Whether these continue the records, so that the operating point of the model is theirs too: of other
+            records its dynamics tell one.
 
     Raises:
         ScenarioError: See `fit_model`.
@@ -169,11 +174,14 @@ def identify(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)
-        if not keep_mean:
+        if check is not None and continued and fitted.estimate.operating_point is not None:
+            u, y = fitted.estimate.operating_point
+            checked = tuple(record.subtract(u=u, y=y) for record in checked)
+        elif not keep_mean:
             # Records to judge on have an operating point of their own, which the model's dynamics tell.
             checked = subtract_means(checked)
-            offset, _, _ = unexplained_offset(fitted.estimate.model, checked)
-            checked = tuple(record.subtract(y=offset) for record in checked)
+            offsets, _, _ = unexplained_offsets(fitted.estimate.model, checked)
+            checked = tuple(record.subtract(y=offset) for record, offset in zip(checked, offsets, strict=True))
         (fit,) = sysid.compare({method: fitted.estimate}, checked, steps=steps)
         test, untested = None, ""
         try:

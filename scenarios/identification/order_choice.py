@@ -3,6 +3,7 @@
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,6 +20,9 @@ from sysid.validation.structure_scan import Order
 HELD_OUT = 0.25
 """Part of a record that judges the model, its end."""
 
+STEADY = 0.02
+"""Deviation of an input in the held-out part, relative to that in the record, up to which it does not move there."""
+
 SHORTEST = 400
 """Samples of the longest record from which on a part is held out; fewer are needed for the choice."""
 
@@ -33,6 +37,7 @@ def choose_and_identify(
     keep_mean: bool = False,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
+    continued: bool = False,
 ) -> tuple[Identification, StructureChoice]:
     """Choose structure, delay and orders, fit the model with its operating point, and judge it.
 
@@ -41,7 +46,8 @@ def choose_and_identify(
         method: One of arx, armax, oe, bj; None tries all.
         keep_mean: Whether to take values as they are, without an operating point.
         steps: Horizon of the further prediction, samples.
-        check: Records to judge on; when None, the last quarter of the longest record, which is then not estimated from.
+        check: Records to judge on; `records` when None.
+        continued: Whether these continue the records.
 
     Raises:
         ScenarioError: An unknown method, or one whose orders are not chosen.
@@ -61,8 +67,9 @@ def choose_and_identify(
         else:
             about = _about_operating_point(records)
         choice = sysid.auto(about, methods=None if method is None else [method])
-        result = identify(records, *_chosen(choice), keep_mean=keep_mean, steps=steps, check=check)
-    return result, choice
+        chosen = _chosen(choice)
+        result = identify(records, *chosen, keep_mean=keep_mean, steps=steps, check=check, continued=continued)
+    return replace(result, cautions=choice.cautions), choice
 
 
 def _about_operating_point(records: Sequence[IOData]) -> Sequence[IOData]:
@@ -96,12 +103,21 @@ def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:
 def hold_out(
     records: tuple[IOData, ...], share: float = HELD_OUT
 ) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
-    """Records to estimate from, and the end of the longest one, which judges the model; None if it is too short."""
+    """Records to estimate from, and the end of the longest one, which judges the model; None if it cannot.
+
+    It cannot where the record is too short, or where no input moves in it. The samples before it, as many as it has,
+    give the state from which it is simulated: one fitted to the judged samples would follow any drift in them.
+    """
     longest = max(range(len(records)), key=lambda k: len(records[k]))
     # So short a record is needed whole for the choice; it then judges its own model.
     if len(records[longest]) < SHORTEST:
         return records, None
-    end = round((1.0 - share) * len(records[longest]))
+    whole = records[longest]
+    end = round((1.0 - share) * len(whole))
+    moved = whole.u[end:].std(axis=0) > STEADY * whole.u.std(axis=0)
+    if not moved.any():
+        return records, None
     to_estimate = list(records)
-    to_estimate[longest] = records[longest][:end]
-    return tuple(to_estimate), (records[longest][end:],)
+    to_estimate[longest] = whole[:end]
+    before = min(end, len(whole) - end)
+    return tuple(to_estimate), (replace(whole[end - before :], window=before),)

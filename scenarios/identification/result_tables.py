@@ -20,6 +20,15 @@ LISTED = 24
 SUFFICIENT = 50.0
 """Least simulated fit of a model that a verdict calls sufficient, %."""
 
+OPEN = 0.25
+"""Standard deviation of a gain, relative to it, from which on a record leaves it open."""
+
+WIDE = 3.0
+"""Ratio of the ends of a bandwidth's interval from which on a record leaves it open."""
+
+GRID = 50
+"""Frequencies at which the largest gain is looked for."""
+
 BEST = 8
 """Most candidates that are listed."""
 
@@ -77,6 +86,8 @@ def verdict(result: Identification) -> str:
     """
     fits = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
     lowest = float(np.min(result.fit.simulation))
+    if not result.fitted.estimate.model.input_path().is_stable():
+        return _verdict_of_unstable(result)
     # "not >=" also catches the fit of a simulation that overflows, which may be NaN.
     if not lowest >= 0.0:
         return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fits}, below 0 %"
@@ -86,6 +97,10 @@ def verdict(result: Identification) -> str:
         words = (
             "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
         )
+    elif result.cautions:
+        words = f"undecided: {'; '.join(result.cautions)}"
+    elif _undetermined(result.fitted):
+        words = f"undecided: {_undetermined(result.fitted)}"
     elif not lowest >= SUFFICIENT:
         words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
     elif not result.test.white.all():
@@ -93,6 +108,53 @@ def verdict(result: Identification) -> str:
     else:
         words = "sufficient: the residuals are white and independent of the input"
     return f"{words}; simulated fit {fits}"
+
+
+def _verdict_of_unstable(result: Identification) -> str:
+    """Verdict on an unstable model: its simulation grows whatever it is worth, so it is judged one step ahead."""
+    fits = ", ".join(f"{value:.1f} %" for value in result.fit.one_step)
+    if result.test is None:
+        words = "residuals not tested"
+    elif not result.test.independent.all():
+        words = (
+            "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
+        )
+    elif not float(np.min(result.fit.one_step)) >= SUFFICIENT:
+        words = f"undecided: the residuals do not depend on the input, but the fit is below {SUFFICIENT:g} %"
+    else:
+        words = "sufficient one step ahead"
+    return f"{words}; the model is unstable, an open-loop simulation of it means nothing; fit one step ahead {fits}"
+
+
+def _undetermined(fitted: FittedModel) -> str:
+    """What of gain and bandwidth the record leaves open, in words; empty if nothing.
+
+    The gain is that at the lowest frequency of the record: an integrator has none at 0 Hz. Where it is small beside the
+    gain at other frequencies, nothing depends on it.
+    """
+    first = fitted.parts[0]
+    lowest = 1.0 / (max(map(len, fitted.parts)) * first.dt)
+    response = fitted.estimate.frequency_response(np.linspace(lowest, 0.5 / first.dt, GRID))
+    if response.covariance is None:
+        return ""
+    magnitude = np.abs(response.response)
+    deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
+    for (i, j), value in np.ndenumerate(magnitude[0]):
+        path = ""
+        if value.size < magnitude[0].size:
+            path = f" from {(first.input_names or ())[j]} to {(first.output_names or ())[i]}"
+        if deviation[i, j] > OPEN * max(value, OPEN * magnitude[:, i, j].max()):
+            return (
+                f"the record leaves the gain{path} open, {value:.3g} at {lowest:.3g} Hz with a standard deviation of "
+                f"{deviation[i, j]:.2g}; a longer record, or more of the input at low frequencies, would tell"
+            )
+        claim = fitted.claims[i][j]
+        if claim.low > 0.0 and claim.high > WIDE * claim.low:
+            return (
+                f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz; a longer record, "
+                "or more of the input at these frequencies, would tell"
+            )
+    return ""
 
 
 def model_rows(result: Identification) -> list[tuple[str, str]]:

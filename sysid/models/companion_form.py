@@ -129,7 +129,7 @@ class CompanionForm:
                 signals = np.array([first_states[start] for start in starts])
                 response = (C[:, starts] @ signals).T
             # a state further down reaches the first one as many samples later
-            for delay, i in enumerate(range(block.start, block.stop)):
+            for delay, i in enumerate(range(block.start, min(block.stop, block.start + length))):
                 responses[delay:, :, i] = response[: length - delay]
         return responses
 

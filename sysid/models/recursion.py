@@ -32,7 +32,9 @@ def driven_output(
         first_states = form.first_states(B, u, x0)
         out = u @ D.T
         for start, signal in first_states.items():
-            out += signal[:, None] * C[:, start]
+            for i in np.flatnonzero(C[:, start]):
+                # a state that overflows reaches only the outputs that it is part of
+                out[:, i] += C[i, start] * signal
     return out
 
 
@@ -81,10 +83,8 @@ def free_response(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     filtered, of any other matrix formed by powers.
     """
     form = CompanionForm.of(A)
-    if form is not None and form.passes_on(C):
-        rows = form.free_response(C, steps)
-    else:
-        rows = _response_by_powers(A, C, steps)
+    filtered = form is not None and form.passes_on(C)
+    rows = form.free_response(C, steps) if form is not None and filtered else _response_by_powers(A, C, steps)
     usable = (np.abs(rows) < LARGEST).all(axis=(1, 2))
     usable_rows = len(rows) if usable.all() else int(np.argmin(usable))
     return rows[: min(steps, usable_rows)]

@@ -20,6 +20,7 @@ ENDLESS = 1e8  # largest response of the predictor that is used; an unstable pre
 LARGEST_RATIO = 0.95  # largest ratio of consecutive steps that is extrapolated as a geometric series
 
 
+DIED_OUT = 1e-100  # response to an initial state before an initialisation window's end: least squares would overflow
 SINGULAR = 1e-10  # singular value of the sensitivities to offsets, relative to the largest, that determines nothing
 
 BLOCK = 2**16
@@ -39,15 +40,27 @@ class OffsetFit:
     parts: tuple[IOData, ...]
 
 
+def runs(parts: Sequence[IOData]) -> list[list[int]]:
+    """Places of the parts of each run, by its name: runs have operating points of their own, parts of one do not."""
+    places: dict[str, list[int]] = {}
+    for k, part in enumerate(parts):
+        places.setdefault(part.name, []).append(k)
+    return list(places.values())
+
+
 def subtract_means(parts: Sequence[IOData]) -> tuple[IOData, ...]:
-    """Subtract the means of all records together: the mean of a single part differs from it only by chance."""
-    u = np.concatenate([record.u for record in parts]).mean(axis=0)
-    y = np.nanmean(np.concatenate([record.y for record in parts]), axis=0)
-    return tuple(record.subtract(u=u, y=y) for record in parts)
+    """Subtract from each run the means of all its parts: those of a single part differ from them only by chance."""
+    subtracted = list(parts)
+    for places in runs(parts):
+        u = np.concatenate([parts[k].u for k in places]).mean(axis=0)
+        y = np.nanmean(np.concatenate([parts[k].y for k in places]), axis=0)
+        for k in places:
+            subtracted[k] = parts[k].subtract(u=u, y=y)
+    return tuple(subtracted)
 
 
 def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData]) -> OffsetFit:
-    """Estimate a model together with a constant on every output.
+    """Estimate a model together with a constant on every output of each run.
 
     The mean output of a record with a transient is not the output at the mean input. So the remaining constant is
     estimated from the one-step errors of the model, and the model again without it, as long as the errors decrease.
@@ -62,17 +75,17 @@ def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence
     shifted = subtract_means(parts)
     estimate, least_error = run(shifted), np.inf
     output_power = sum(float(np.nansum(record.y**2)) for record in shifted)
-    result, last_offset = OffsetFit(estimate, shifted), np.zeros(parts[0].ny)
+    result, last_offsets = OffsetFit(estimate, shifted), np.zeros((len(parts), parts[0].ny))
     for _ in range(ROUNDS):
-        offset, error, error_without_offset = unexplained_offset(estimate.model, shifted)
+        offsets, error, error_without_offset = unexplained_offsets(estimate.model, shifted)
         # an extrapolation that went too far, or a predictor that is not stable
         if not error < least_error:
             break
         least_error, result = error, OffsetFit(estimate, shifted)
         if not error - error_without_offset > WORTH * error or error < EXACT * output_power:
             break
-        step, last_offset = _extrapolated(offset, last_offset), offset
-        shifted = tuple(record.subtract(y=step) for record in shifted)
+        step, last_offsets = _extrapolated(offsets, last_offsets), offsets
+        shifted = tuple(record.subtract(y=own) for record, own in zip(shifted, step, strict=True))
         try:
             estimate = run(shifted)
         except SysidError:
@@ -82,9 +95,19 @@ def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence
 
 def _extrapolated(step: FloatArray, last_step: FloatArray) -> FloatArray:
     """Sum of a geometric series of steps (Aitken extrapolation); the step itself if the ratio is no such."""
-    size = float(last_step @ last_step)
-    ratio = float(step @ last_step) / size if size > 0.0 else 0.0
+    size = float(np.sum(last_step * last_step))
+    ratio = float(np.sum(step * last_step)) / size if size > 0.0 else 0.0
     return step / (1.0 - ratio) if 0.0 < ratio < LARGEST_RATIO else step
+
+
+def unexplained_offsets(model: StateSpace, parts: Sequence[IOData]) -> tuple[FloatArray, float, float]:
+    """`unexplained_offset` of each run, a row for each of its parts (parts, ny), and the sums over all runs."""
+    offsets, before, after = np.zeros((len(parts), model.ny)), 0.0, 0.0
+    for places in runs(parts):
+        offset, error, error_without_offset = unexplained_offset(model, [parts[k] for k in places])
+        offsets[places] = offset
+        before, after = before + error, after + error_without_offset
+    return offsets, before, after
 
 
 def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[FloatArray, float, float]:
@@ -102,6 +125,7 @@ def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[Floa
             return np.zeros(model.ny), np.inf, np.inf
         if model.order:
             by_states, others = table[:, : model.order], table[:, model.order :]
+            by_states = by_states[:, np.abs(by_states).max(axis=0, initial=0.0) > DIED_OUT]
             table = others - by_states @ np.linalg.lstsq(by_states, others, rcond=None)[0]
         by_offsets, errors = table[:, :-1], table[:, -1]
         gram, moment = gram + by_offsets.T @ by_offsets, moment + by_offsets.T @ errors

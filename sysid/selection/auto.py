@@ -10,7 +10,7 @@ import numpy as np
 from sysid.frequency.delayest import delayest
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
-from sysid.records.arguments import shown, whole_number
+from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
@@ -25,9 +25,21 @@ INTERCHANGED = "; nothing shows that it acts on them: are input and output inter
 
 LEVEL = 0.01  # p-value below which an input counts as fed back
 STRETCHES = 2  # parts of a long experiment on which candidates are compared, spread over it
+TRIED = 5  # best candidates of which one may turn out unstable
 FEW = 5  # samples per parameter below which chance decides between candidates
 
 DIRECT = "a direct term, which would be that of the controller"
+
+SAME_SAMPLE = (
+    "the output depends on the input of the same sample, by a direct term or by feedback through a controller that "
+    "computes the input from that output: a direct term is tried only where it is asked for (direct=True)"
+)
+
+
+EXACTLY = (
+    "input and output follow from each other exactly, in the same sample: either of a plant without noise and with a "
+    "direct term, or of feedback by a controller that alone moves the input; an input from outside would tell"
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +52,7 @@ class StructureChoice(Locked):
         delays: Delays in samples of each input at which the search begins, by `delayest`; empty for several outputs.
         samples: Samples on which the candidates are compared.
         reason: Why this one, in words.
+        cautions: What the data cannot tell about it, in words.
     """
 
     estimate: Estimate
@@ -47,6 +60,7 @@ class StructureChoice(Locked):
     delays: tuple[int, ...]
     samples: int
     reason: str
+    cautions: tuple[str, ...] = ()
 
     def _parts(self) -> list[Part]:
         best, listed = self.candidates[0], self.candidates[:LISTED]
@@ -69,6 +83,7 @@ def auto(
     *,
     methods: Sequence[str] | None = None,
     validation: IOData | Sequence[IOData] | None = None,
+    direct: bool = False,
     largest: int = 10,
     longest: int = 4000,
 ) -> StructureChoice:
@@ -78,10 +93,13 @@ def auto(
     each gets worse twice; then single orders of the best ones, the delays among them, change by one as long as that
     helps. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`. Beside feedback
     (`sysid.feedback`) there is no direct term, which would be that of the controller, and oe does not take part, which
-    only a white disturbance would leave unbiased.
+    only a white disturbance would leave unbiased. A held input has no direct term either: one is tried only on data
+    without noise, or if asked for.
 
-    The criterion is the extended BIC [ChenChen2008] on the same samples for all, or the error of the simulated
-    validation outputs where there are such data. Unstable models are chosen only if all are unstable.
+    The criterion is the extended BIC [ChenChen2008] on the same samples for all, which counts the initial states, or
+    the error of the simulated validation outputs where there are such data. Modes with a time constant above a third
+    of the record are of the model only if the input drives them: else they follow a disturbance. A pole outside the
+    unit circle must be surely outside.
 
     Args:
         data: One experiment, or several that share the model; means removed (`IOData.detrend`). Outputs may be
@@ -89,9 +107,10 @@ def auto(
         methods: Estimators to try, some of arx, oe, armax, bj; by default all, or all but oe beside feedback. One
             output only.
         validation: Data to judge on, means removed.
+        direct: Whether the output may depend on the input of the same sample although the data have noise.
         largest: Largest order tried.
-        longest: Samples on which candidates are compared; of longer records `STRETCHES` parts are used. The model
-            itself is estimated from all.
+        longest: Samples on which the search begins; of longer records `STRETCHES` parts are used, and the best
+            candidates of them are continued on all samples. With several outputs all are compared on these parts.
 
     Returns:
         The model with the table of candidates and the reason.
@@ -113,39 +132,57 @@ def auto(
     names = tuple(names)
     if not names or not all(isinstance(name, str) and name in ORDERS for name in names):
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
+    direct = truth_value("direct", direct)
     search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names)
     delays, p = tuple[int, ...](), _feedback_p(experiments)
     fed_back = p < LEVEL
+    # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
+    seen_at_once = p >= LEVEL and not direct and _feedback_p(experiments, direct=False) < LEVEL
+    at_once = seen_at_once and p < 1.0
     excluded = DIRECT
     with warnings.catch_warnings():
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
         if experiments[0].ny == 1:
             delays = _delays(search.experiments, largest)
-            if fed_back:
+            if fed_back or at_once:
                 delays = tuple(max(delay, 1) for delay in delays)
-            if fed_back and methods is None:
+            if (fed_back or at_once) and methods is None:
                 search.methods = tuple(name for name in names if name != "oe")
+            if fed_back and methods is None:
                 excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
             search.climb_structures(delays)
+            if sum(map(len, search.experiments)) < sum(map(len, experiments)):
+                whole = StructureSearch(experiments, validation_data, largest, search.methods)
+                whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
+                search = whole
         elif methods is not None:
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
         else:
-            search.direct = not fed_back
+            search.direct = not (fed_back or at_once)
             search.climb_states()
-    best = search.ranked()[0]
+    best, estimate = _best_estimate(experiments, search)
     reason = _reason(search, delays, sum(map(len, experiments)))
     if fed_back:
         reason += (
             f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
             f"{excluded}{_interchange_question(experiments)}"
         )
+    cautions = []
+    if at_once:
+        reason += f"; {SAME_SAMPLE}"
+    elif seen_at_once and p == 1.0:
+        cautions.append(EXACTLY)
+    if not best.eligible:
+        cautions.append(best.remark)
+    reason = "; ".join((reason, *cautions))
     return StructureChoice(
-        estimate=_estimate(experiments, best, search.direct),
+        estimate=estimate,
         candidates=search.ranked(),
         delays=delays,
         samples=search.samples,
         reason=reason,
+        cautions=tuple(cautions),
     )
 
 
@@ -155,6 +192,26 @@ def _interchange_question(experiments: Experiments) -> str:
         return ""
     reverse_p = _feedback_p(interchanged(complete_parts(experiments)))
     return INTERCHANGED if reverse_p > LEVEL else ""
+
+
+def _best_estimate(experiments: Experiments, search: StructureSearch) -> tuple[Candidate, Estimate]:
+    """The best candidate and its model, estimated from all data.
+
+    Half of all estimates of a pole at one exceed one: a candidate whose model is unstable although it was not makes way
+    for the next one that is what it was.
+    """
+    ranked = search.ranked()
+    for candidate in ranked[:TRIED]:
+        if candidate.radius >= 1.0 or not candidate.eligible:
+            break
+        with warnings.catch_warnings():
+            # the model that is returned repeats them
+            warnings.simplefilter("ignore", SysidWarning)
+            is_stable = _estimate(experiments, candidate, search.direct).model.input_path().is_stable()
+        if is_stable:
+            search.prefer(candidate)
+            return candidate, _estimate(experiments, candidate, search.direct)
+    return ranked[0], _estimate(experiments, ranked[0], search.direct)
 
 
 def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Estimate:
@@ -177,9 +234,12 @@ def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
     return tuple(np.where(lags < 0, 1, lags).astype(int).tolist())
 
 
-def _feedback_p(experiments: Experiments) -> float:
-    """Least p-value of the hypothesis that no input depends on past outputs; 1 where no test can tell."""
-    return float(np.nan_to_num(feedback_p(complete_parts(experiments)), nan=1.0).min())
+def _feedback_p(experiments: Experiments, *, direct: bool = True) -> float:
+    """Least p-value of the hypothesis that no input depends on past outputs; 1 where no test can tell.
+
+    Unless `direct`, an input that depends on the output of the same sample counts as fed back.
+    """
+    return float(np.nan_to_num(feedback_p(complete_parts(experiments), direct=direct), nan=1.0).min())
 
 
 def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:
@@ -189,7 +249,7 @@ def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str
     criterion = "the least error in simulation of the validation data" if validated else "the lowest EBIC"
     reason = f"{best}: {criterion} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
     rival = next((candidate for candidate in ranked if candidate.method != best.method), None)
-    if rival is not None and rival.radius < 1.0:
+    if rival is not None and rival.eligible:
         gap = f"{rival.ebic - best.ebic:.1f} above"
         if validated:
             gap = f"{rival.validation / best.validation:.3g} times"
@@ -198,8 +258,10 @@ def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str
         reason += "; among so few samples chance decides"
     if delays:
         reason += f"; delays by delayest: {', '.join(map(str, delays))} samples"
-    if best.radius >= 1.0:
-        reason += "; every candidate is unstable"
+    if not best.eligible:
+        reason += "; no candidate is better: each is unstable, or follows a disturbance by a slow mode"
+    elif best.radius >= 1.0:
+        reason += f"; the plant is unstable: a pole is {best.excess:.3g} standard deviations outside the unit circle"
     return reason
 
 

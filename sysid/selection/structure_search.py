@@ -1,6 +1,7 @@
 """Search for the structure, delay and orders of a model by a criterion, each candidate fitted in a few steps."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from typing import Any, TypeVar
@@ -11,7 +12,9 @@ from sysid.models.estimate import mean_square
 from sysid.models.polynomials import innovations_form, stabilised
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
+from sysid.polynomial.arx import arx
+from sysid.polynomial.correlation import autoregression
+from sysid.polynomial.error_jacobian import error_jacobian, free_transients, gapped_error_jacobian, orthonormal
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import (
     armax_initial_estimates,
@@ -21,11 +24,13 @@ from sysid.polynomial.initial_estimates import (
     oe_initial_estimates,
 )
 from sysid.polynomial.orders import Orders
-from sysid.polynomial.polynomial_estimate import check_enough_data
-from sysid.polynomial.prediction_error import InitialEstimate, search
+from sysid.polynomial.polynomial_estimate import check_enough_data, directions
+from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, search
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.resolution import resolution
+from sysid.selection.slow_modes import COLOUR, ERRORS_PER_COEFFICIENT, least_drive, slow_radius
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.structure_scan import Order, parameter_count
 
@@ -44,13 +49,22 @@ REFINED = 8  # rounds of changes of single orders, at most
 STEPS = 15  # iterations of a candidate, at most: those that are far too large take the most, and are not chosen
 STARTS = 2  # initial estimates of its own that a candidate may have, beside the nearest fits
 FILLING = 4  # orders on which the length of the ARX model that fills gaps depends
+FINER = 1e-3  # loss, relative to the variance of rounding, that no rounded record has
+EXACT_ORDER = 8  # of an ARX model that shows whether a record is rounded
 EXACT = 1e-20  # loss, relative to the mean square output, that is rounding of data without noise
 
 LIMIT = 1.0 - 1e-6
 """Radius at which roots of starts are kept; roots of the input path beyond it are at the edge of stability."""
 
-EDGE = 30.0
-"""EBIC by which a candidate at the edge of stability must be better: an integrator is, a pole in the noise is not."""
+DRIVEN = 30.0
+"""Evidence from which on a slow mode counts as driven by the input: that of a parameter worth 30 in EBIC, far beyond
+what the best of a hundred candidates reaches by chance."""
+
+SLOW = 100.0
+"""EBIC by which a candidate with slow modes must be better than any without: models of the noise come within some tens
+of one that follows a disturbance, and nowhere near a plant that integrates."""
+
+DEVIATIONS = 4.0  # of the modulus of a pole outside the unit circle, from which on a plant counts as unstable
 
 ORDERS: Mapping[str, tuple[str, ...]] = {
     "arx": ("na", "nb", "nk"),
@@ -59,6 +73,8 @@ ORDERS: Mapping[str, tuple[str, ...]] = {
     "bj": ("nb", "nc", "nd", "nf", "nk"),
 }
 """Structures of one output with their orders, the simpler first."""
+
+CONTINUED = 2  # best candidates of a family on parts of a long record that are fitted to all of it
 
 FAMILIES = (("arx", "armax"), ("oe", "bj"))  # structures that pass into one another when single orders change
 
@@ -81,6 +97,9 @@ class Candidate:
         validation: Mean square error of the simulated validation outputs, each over its variance; NaN without such
             data.
         radius: Largest modulus of the poles from input to output.
+        drive: Least evidence that the input drives its slow modes, see `least_drive`; infinite where there are none.
+        excess: Distance of the outermost pole beyond the unit circle, in its standard deviations; negative inside.
+        transients: Parameters that its initial states are worth on the samples that are compared.
     """
 
     method: str
@@ -90,6 +109,9 @@ class Candidate:
     ebic: float
     validation: float
     radius: float
+    drive: float = np.inf
+    excess: float = -np.inf
+    transients: float = 0.0
 
     def __str__(self) -> str:
         """Method and orders."""
@@ -98,10 +120,17 @@ class Candidate:
 
     @property
     def remark(self) -> str:
-        """Whether the model is unstable or nearly so; empty if not."""
+        """Whether the model is unstable or nearly so, and whether the input drives its slow modes; empty if not."""
+        if not self.drive >= DRIVEN:
+            return "follows a disturbance by a slow mode"
         if self.radius >= 1.0:
             return "unstable"
         return "edge of stability" if self.radius > LIMIT else ""
+
+    @property
+    def eligible(self) -> bool:
+        """Whether it may be chosen: its slow modes are driven by the input, and it is stable or surely unstable."""
+        return self.drive >= DRIVEN and (self.radius < 1.0 or self.excess > DEVIATIONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,13 +171,16 @@ class StructureSearch:
         self.fits: dict[Orders, Fit] = {}
         self.failed: list[str] = []
         self.exact = False
+        self._preferred: Candidate | None = None
         self.direct = True
         self._output_power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
+        self._floor = _variance_of_rounding(experiments)
         # initial estimates need complete outputs
         nu = experiments[0].nu
         gaps = experiments[0].ny == 1 and not all(e.complete for e in experiments)
         filling = Orders(FILLING, (FILLING,) * nu, 0, 0, (0,) * nu, (1,) * nu)
         self._filled = fill_gaps(experiments, filling) if gaps else experiments
+        self.slow_radius = slow_radius(max(map(len, experiments)))
         # longest initial transient of all candidates
         transient = 2 * largest
         self._skipped = [min(max(e.window, transient), len(e) // 2) for e in experiments]
@@ -169,6 +201,24 @@ class StructureSearch:
                     self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
+            self._refine(family, shortest)
+
+    def continue_from(self, other: "StructureSearch", shortest: tuple[int, ...]) -> None:
+        """Fit the best candidates of a search on a part of the records, and change their single orders.
+
+        Effects that the part hides in its noise show on the whole record.
+        """
+        for family in FAMILIES:
+            fits = [fit for fit in other.fits.values() if fit.candidate.method in family]
+            best = sorted(fits, key=other.criterion_of_fit)[:CONTINUED]
+            for fit in best:
+                self.try_orders(fit.orders, fit)
+            for fit in best[:1]:
+                # a pair of poles is no change of a single order
+                degree = max(fit.orders.na, *fit.orders.nf)
+                for n in range(degree + 1, min(degree + PATIENCE, self.largest) + 1):
+                    self.try_orders(_rising_orders(fit.candidate.method, n, fit.orders.nk))
+        for family in FAMILIES:
             self._refine(family, shortest)
 
     def climb_states(self) -> None:
@@ -195,7 +245,7 @@ class StructureSearch:
         best_of_all = min(self._criteria(ORDERS), default=np.inf)
         if not fits or min(self._criteria(family), default=np.inf) > best_of_all + NEAR:
             return
-        best = min(fits, key=self._criterion_of_fit)
+        best = min(fits, key=self.criterion_of_fit)
         names = set(chain.from_iterable(ORDERS[method] for method in family if method in self.methods))
         for _ in range(REFINED):
             neighbours = []
@@ -205,8 +255,8 @@ class StructureSearch:
             for orders in neighbours:
                 self.try_orders(orders, best)
             fitted = [self.fits[orders] for orders in neighbours if orders in self.fits]
-            better = min(fitted, key=self._criterion_of_fit, default=best)
-            if self._criterion_of_fit(better) >= self._criterion_of_fit(best):
+            better = min(fitted, key=self.criterion_of_fit, default=best)
+            if self.criterion_of_fit(better) >= self.criterion_of_fit(best):
                 break
             best = better
 
@@ -240,13 +290,27 @@ class StructureSearch:
         except SysidError as error:
             self.failed.append(f"{orders}: {error}")
             return None
-        theta = minimum.at.theta
+        at = minimum.at
+        theta = at.theta
         method = _structure_of(orders)
         errors = [_one_step_errors(e, orders, theta) for e in self.experiments]
         # C and D move no pole of the input path
         path = replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
         model = innovations_form(path, self.experiments[0].dt, 1.0)
-        candidate = self._record_candidate(method, orders.select(*ORDERS[method]), orders.count, errors, model)
+        transients = sum(
+            _compared_transients(orders, theta, len(e), skipped)
+            for e, skipped in zip(self.experiments, self._skipped, strict=True)
+        )
+        candidate = self._record_candidate(
+            method,
+            orders.select(*ORDERS[method]),
+            orders.count,
+            errors,
+            model,
+            drive=least_drive(at, orders, errors, self.slow_radius),
+            excess=_excess(at, orders),
+            transients=transients,
+        )
         self.fits[orders] = Fit(orders, theta, candidate)
         return candidate
 
@@ -262,18 +326,31 @@ class StructureSearch:
         yield from islice(_independent_starts(self._filled, orders), STARTS)
 
     def _record_candidate(
-        self, method: str, orders: Mapping[str, Order], count: int, errors: Sequence[FloatArray], path: StateSpace
+        self,
+        method: str,
+        orders: Mapping[str, Order],
+        count: int,
+        errors: Sequence[FloatArray],
+        path: StateSpace,
+        *,
+        drive: float = np.inf,
+        excess: float = -np.inf,
+        transients: float = 0.0,
     ) -> Candidate:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
         loss = mean_square(compared[np.isfinite(compared).all(axis=1)])
+        innovations, colour = loss, 0
+        if set(self.methods) == {"oe"}:
+            innovations, colour = _without_colour(compared[:, 0], loss)
         # below it, rounding decides, and its logarithm would outweigh any number of parameters
         rounding = max(EXACT * self._output_power, np.finfo(float).tiny)
         self.exact = self.exact or loss <= rounding
-        likelihood = self.samples * compared.shape[1] * np.log(max(loss, rounding))
-        ebic = float(likelihood + count * (np.log(self.samples) + SEARCHED))
+        likelihood = self.samples * compared.shape[1] * np.log(max(innovations, rounding, self._floor))
+        ebic = float(likelihood + (count + transients + colour) * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
-        candidate = Candidate(method, orders, count, loss, ebic, self._validation_error(path), radius)
+        error = self._validation_error(path)
+        candidate = Candidate(method, orders, count, loss, ebic, error, radius, drive, excess, transients)
         self.candidates.append(candidate)
         return candidate
 
@@ -290,22 +367,29 @@ class StructureSearch:
     def _criteria(self, methods: Iterable[str]) -> list[float]:
         return [self.criterion(candidate) for candidate in self.candidates if candidate.method in methods]
 
-    def _criterion_of_fit(self, fit: Fit) -> float:
+    def criterion_of_fit(self, fit: Fit) -> float:
+        """Criterion of the candidate of a fit."""
         return self.criterion(fit.candidate)
 
     def criterion(self, candidate: Candidate | None) -> float:
-        """Criterion, the less the better: the validation error, else EBIC; infinite for what failed or is unstable."""
-        if candidate is None or candidate.radius >= 1.0:
+        """Criterion, the less the better: the validation error, else EBIC; infinite for what may not be chosen."""
+        if candidate is None or not candidate.eligible:
             return np.inf
-        if self.validation:
-            return candidate.validation
-        return candidate.ebic + EDGE * (candidate.radius > LIMIT)
+        return candidate.validation if self.validation else candidate.ebic + SLOW * np.isfinite(candidate.drive)
 
     def ranked(self) -> tuple[Candidate, ...]:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
-        return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
+        ranked = sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters))
+        if self._preferred is not None:
+            ranked.remove(self._preferred)
+            ranked.insert(0, self._preferred)
+        return tuple(ranked)
+
+    def prefer(self, candidate: Candidate) -> None:
+        """Put a candidate before all others."""
+        self._preferred = candidate
 
 
 def complete_parts(experiments: Experiments) -> list[IOData]:
@@ -340,6 +424,76 @@ def _one_step_errors(experiment: IOData, orders: Orders, theta: FloatArray) -> F
     errors = jacobian(experiment, orders, theta, InitialConditions.ESTIMATED).columns[:, -1:]
     start = np.zeros((len(experiment) - len(errors), 1))
     return np.where(experiment.known, np.vstack((start, errors)), np.nan)
+
+
+def _variance_of_rounding(experiments: Experiments) -> float:
+    """Variance q^2/12 of the errors of rounding outputs to steps q, of several their geometric mean; 0 without steps.
+
+    What is finer than the steps of a record is no dynamics. A finite impulse response to a binary input has steps too,
+    but a model explains it far better than by them.
+    """
+    joined = np.concatenate([e.y for e in experiments])
+    steps = np.array([resolution(column) for column in joined.T])
+    if not steps.all():
+        return 0.0
+    variance = float(np.exp(np.mean(np.log(steps**2 / 12.0))))
+    with suppress(SysidError):
+        loss = arx(complete_parts(experiments), EXACT_ORDER, EXACT_ORDER, 0).loss
+        if loss < FINER * variance:
+            return 0.0
+    return variance
+
+
+def _without_colour(errors: FloatArray, loss: float) -> tuple[float, int]:
+    """Variance of the innovations of output errors (N,), and the coefficients of their autoregressive model.
+
+    Where no method with a model of the noise takes part, the order must not rise to follow a disturbance that the input
+    does not cause.
+    """
+    if not loss > 0.0:
+        return loss, 0
+    order = min(COLOUR, int(np.isfinite(errors).sum()) // ERRORS_PER_COEFFICIENT)
+    whitener, correlations = autoregression(errors, order, select=True)
+    return loss * float(whitener @ correlations[: len(whitener)]), len(whitener) - 1
+
+
+def _compared_transients(orders: Orders, theta: FloatArray, samples: int, skipped: int) -> float:
+    """Degrees of freedom that free initial states take from the errors behind the skipped samples.
+
+    A transient that has died out by then takes none, one on the unit circle nearly a whole one.
+    """
+    start = orders.first_error(0)
+    transients = free_transients(orders, orders.split(theta), samples - start)
+    if not transients.shape[1]:
+        return 0.0
+    basis, _ = orthonormal(transients, np.zeros(samples - start))
+    return float(np.sum(basis[max(skipped - start, 0) :] ** 2))
+
+
+def _excess(at: Linearisation, orders: Orders) -> float:
+    """Distance of the outermost pole from input to output beyond the unit circle, in its standard deviations.
+
+    Negative inside. A change of the denominator's coefficients moves a simple root p by -sum p^(n - i) da_i / a'(p).
+    """
+    a, _, _, _, f = orders.split(at.theta)
+    of_a, _, _, _, of_f = orders.ranges
+    worst = -np.inf
+    half: FloatArray | None = None
+    for denominator, positions in zip((a, *f), (of_a, *of_f), strict=True):
+        roots = np.roots(denominator)
+        if not (np.abs(roots) > 1.0).any():
+            continue
+        if half is None:
+            half, _ = directions(at)
+            half = half * np.sqrt(at.sum_of_squares / max(at.errors - orders.count - at.transients, 1))
+        n = len(denominator) - 1
+        slope = denominator[:n] * np.arange(n, 0, -1)
+        for root in roots[np.abs(roots) > 1.0]:
+            movement = -(root ** np.arange(n - 1, -1, -1)) / np.polyval(slope, root)
+            of_modulus = (np.conj(root) * movement).real / abs(root)
+            deviation = float(np.linalg.norm(of_modulus @ half[positions]))
+            worst = max(worst, float(abs(root) - 1.0) / max(deviation, np.finfo(float).tiny))
+    return worst
 
 
 def _structure_of(orders: Orders) -> str:

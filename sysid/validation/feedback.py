@@ -148,10 +148,10 @@ def _long_feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, l
     return _p_of_addition(full, nested, total, rows)
 
 
-def feedback_p(experiments: Sequence[IOData], lags: int = 20) -> FloatArray:
-    """p-values of feedback (ny, nu); NaN where the data are too few to test."""
+def feedback_p(experiments: Sequence[IOData], lags: int = 20, *, direct: bool = True) -> FloatArray:
+    """p-values of feedback (ny, nu), see `feedback`; NaN where the data are too few to test."""
     try:
-        return feedback(experiments, lags=lags).p_values
+        return feedback(experiments, lags=lags, direct=direct).p_values
     except SysidError:
         return np.full((experiments[0].ny, experiments[0].nu), np.nan)
 

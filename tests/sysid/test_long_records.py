@@ -28,7 +28,7 @@ def _records():
 def _in_blocks(monkeypatch):
     monkeypatch.setattr(_module("polynomial.regressors"), "BLOCK", 700)
     monkeypatch.setattr(_module("polynomial.arx"), "LARGEST_TABLE", 100)
-    monkeypatch.setattr(_module("models.predict"), "LARGEST_TRAJECTORY", 1000)
+    monkeypatch.setattr(_module("models.recursion"), "LARGEST_TRAJECTORY", 1000)
     monkeypatch.setattr(_module("frequency.delayest"), "BLOCK", 700)
     monkeypatch.setattr(_module("validation.feedback"), "BLOCK", 700)
 

@@ -112,10 +112,10 @@ def test_plots_take_a_choice_for_its_estimate():
 
 
 @pytest.mark.slow
-def test_a_long_record_is_searched_by_parts_and_estimated_whole():
+def test_the_search_of_a_long_record_begins_on_parts_and_ends_on_all_of_it():
     data = second_order(seed=4, samples=6000, noise=0.3, d=(1.0,))
     choice = auto(data, methods=["oe"], longest=2000, largest=3)
-    assert choice.samples < 2000 and choice.estimate.data.samples == (6000,)
+    assert 5900 < choice.samples <= 6000 and choice.estimate.data.samples == (6000,)
     assert choice.candidates[0].orders == {"nb": 2, "nf": 2, "nk": 1}
 
 
