@@ -161,8 +161,9 @@ def auto(
         else:
             search.direct = not (fed_back or at_once)
             search.climb_states()
-    best, estimate = _best_estimate(experiments, search)
-    reason = _reason(search, delays, sum(map(len, experiments)))
+    ranked, estimate = _ranked_with_estimate(experiments, search)
+    best = ranked[0]
+    reason = _reason(search, ranked, delays, sum(map(len, experiments)))
     if fed_back:
         reason += (
             f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
@@ -178,7 +179,7 @@ def auto(
     reason = "; ".join((reason, *cautions))
     return StructureChoice(
         estimate=estimate,
-        candidates=search.ranked(),
+        candidates=ranked,
         delays=delays,
         samples=search.samples,
         reason=reason,
@@ -194,24 +195,38 @@ def _interchange_question(experiments: Experiments) -> str:
     return INTERCHANGED if reverse_p > LEVEL else ""
 
 
-def _best_estimate(experiments: Experiments, search: StructureSearch) -> tuple[Candidate, Estimate]:
-    """The best candidate and its model, estimated from all data.
+def _ranked_with_estimate(experiments: Experiments, search: StructureSearch) -> tuple[tuple[Candidate, ...], Estimate]:
+    """The candidates, the best first, and its model, estimated from all data.
 
     Half of all estimates of a pole at one exceed one: a candidate whose model is unstable although it was not makes way
     for the next one that is what it was.
     """
     ranked = search.ranked()
+    first = _fitted(experiments, ranked[0], search.direct)
     for candidate in ranked[:TRIED]:
         if candidate.radius >= 1.0 or not candidate.eligible:
             break
-        with warnings.catch_warnings():
-            # the model that is returned repeats them
-            warnings.simplefilter("ignore", SysidWarning)
-            is_stable = _estimate(experiments, candidate, search.direct).model.input_path().is_stable()
-        if is_stable:
-            search.prefer(candidate)
-            return candidate, _estimate(experiments, candidate, search.direct)
-    return ranked[0], _estimate(experiments, ranked[0], search.direct)
+        estimate, caught = first if candidate is ranked[0] else _fitted(experiments, candidate, search.direct)
+        if estimate.model.input_path().is_stable():
+            others = tuple(other for other in ranked if other is not candidate)
+            return (candidate, *others), _with_warnings(estimate, caught)
+    return ranked, _with_warnings(*first)
+
+
+def _fitted(
+    experiments: Experiments, candidate: Candidate, direct: bool
+) -> tuple[Estimate, list[warnings.WarningMessage]]:
+    """The model of a candidate, and the warnings of its fit, which the reader gets of the chosen one alone."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", SysidWarning)
+        return _estimate(experiments, candidate, direct), caught
+
+
+def _with_warnings(estimate: Estimate, caught: Sequence[warnings.WarningMessage]) -> Estimate:
+    """The estimate, after giving the warnings of its fit."""
+    for warning in caught:
+        warnings.warn(warning.message, stacklevel=4)
+    return estimate
 
 
 def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Estimate:
@@ -242,10 +257,9 @@ def _feedback_p(experiments: Experiments, *, direct: bool = True) -> float:
     return float(np.nan_to_num(feedback_p(complete_parts(experiments), direct=direct), nan=1.0).min())
 
 
-def _reason(search: StructureSearch, delays: tuple[int, ...], total: int) -> str:
+def _reason(search: StructureSearch, ranked: tuple[Candidate, ...], delays: tuple[int, ...], total: int) -> str:
     """Reason in words why the best candidate is chosen."""
-    ranked, validated = search.ranked(), bool(search.validation)
-    best = ranked[0]
+    best, validated = ranked[0], bool(search.validation)
     criterion = "the least error in simulation of the validation data" if validated else "the lowest EBIC"
     reason = f"{best}: {criterion} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
     rival = next((candidate for candidate in ranked if candidate.method != best.method), None)

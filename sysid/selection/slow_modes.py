@@ -58,7 +58,7 @@ def least_drive(at: Linearisation, orders: Orders, errors: Sequence[FloatArray],
     if free < 1 or not at.cost > 0.0:
         return np.inf
     covariance = _numerator_covariance(at, orders) * (at.sum_of_squares / free)
-    whitener, correlations = _colour(errors)
+    whitener, correlations = colour(np.concatenate(errors)[:, 0])
     _, of_b, _, _, _ = orders.ranges
     first_numerator = of_b[0].start
     least = np.inf
@@ -66,12 +66,12 @@ def least_drive(at: Linearisation, orders: Orders, errors: Sequence[FloatArray],
         inputs = range(len(of_b)) if j is None else [j]
         rows = []
         for k in inputs:
-            powers = pole ** -(orders.nk[k] + np.arange(orders.nb[k], dtype=float))
-            # a scale for all powers: those of a pole far outside the circle would vanish
-            row = np.zeros((2, len(covariance)))
+            powers = np.zeros(len(covariance), dtype=complex)
             positions = slice(of_b[k].start - first_numerator, of_b[k].stop - first_numerator)
-            row[0, positions], row[1, positions] = powers.real, powers.imag
-            rows += [row[0]] if abs(pole.imag) == 0.0 else [row[0], row[1]]
+            powers[positions] = pole ** -(orders.nk[k] + np.arange(orders.nb[k], dtype=float))
+            rows.append(powers.real)
+            if pole.imag:
+                rows.append(powers.imag)
         values = np.array(rows)
         numerators = np.concatenate([at.theta[positions] for positions in of_b])
         value = values @ numerators
@@ -89,11 +89,10 @@ def _numerator_covariance(at: Linearisation, orders: Orders) -> FloatArray:
     return np.asarray(numerators @ numerators.T)
 
 
-def _colour(errors: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """Autoregressive model of the errors of the experiments, and its correlations."""
-    joined = np.concatenate(errors)[:, 0]
-    order = min(COLOUR, int(np.isfinite(joined).sum()) // ERRORS_PER_COEFFICIENT)
-    return autoregression(joined, order, select=True)
+def colour(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Autoregressive model of errors (N,), NaN where the output is missing: its whitener and its correlations."""
+    order = min(COLOUR, int(np.isfinite(errors).sum()) // ERRORS_PER_COEFFICIENT)
+    return autoregression(errors, order, select=True)
 
 
 def _relative_spectrum(whitener: FloatArray, correlations: FloatArray, pole: complex) -> float:

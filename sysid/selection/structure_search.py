@@ -13,7 +13,6 @@ from sysid.models.polynomials import innovations_form, stabilised
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.arx import arx
-from sysid.polynomial.correlation import autoregression
 from sysid.polynomial.error_jacobian import error_jacobian, free_transients, gapped_error_jacobian, orthonormal
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import (
@@ -30,7 +29,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.resolution import resolution
-from sysid.selection.slow_modes import COLOUR, ERRORS_PER_COEFFICIENT, least_drive, slow_radius
+from sysid.selection.slow_modes import colour, least_drive, slow_radius
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.structure_scan import Order, parameter_count
 
@@ -171,7 +170,6 @@ class StructureSearch:
         self.fits: dict[Orders, Fit] = {}
         self.failed: list[str] = []
         self.exact = False
-        self._preferred: Candidate | None = None
         self.direct = True
         self._output_power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
         self._floor = _variance_of_rounding(experiments)
@@ -340,14 +338,14 @@ class StructureSearch:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
         loss = mean_square(compared[np.isfinite(compared).all(axis=1)])
-        innovations, colour = loss, 0
+        innovations, coefficients = loss, 0
         if set(self.methods) == {"oe"}:
-            innovations, colour = _without_colour(compared[:, 0], loss)
+            innovations, coefficients = _without_colour(compared[:, 0], loss)
         # below it, rounding decides, and its logarithm would outweigh any number of parameters
         rounding = max(EXACT * self._output_power, np.finfo(float).tiny)
         self.exact = self.exact or loss <= rounding
         likelihood = self.samples * compared.shape[1] * np.log(max(innovations, rounding, self._floor))
-        ebic = float(likelihood + (count + transients + colour) * (np.log(self.samples) + SEARCHED))
+        ebic = float(likelihood + (count + transients + coefficients) * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
         error = self._validation_error(path)
         candidate = Candidate(method, orders, count, loss, ebic, error, radius, drive, excess, transients)
@@ -381,15 +379,7 @@ class StructureSearch:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
-        ranked = sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters))
-        if self._preferred is not None:
-            ranked.remove(self._preferred)
-            ranked.insert(0, self._preferred)
-        return tuple(ranked)
-
-    def prefer(self, candidate: Candidate) -> None:
-        """Put a candidate before all others."""
-        self._preferred = candidate
+        return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
 
 
 def complete_parts(experiments: Experiments) -> list[IOData]:
@@ -452,8 +442,7 @@ def _without_colour(errors: FloatArray, loss: float) -> tuple[float, int]:
     """
     if not loss > 0.0:
         return loss, 0
-    order = min(COLOUR, int(np.isfinite(errors).sum()) // ERRORS_PER_COEFFICIENT)
-    whitener, correlations = autoregression(errors, order, select=True)
+    whitener, correlations = colour(errors)
     return loss * float(whitener @ correlations[: len(whitener)]), len(whitener) - 1
 
 
