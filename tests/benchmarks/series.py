@@ -14,9 +14,8 @@ from scipy.signal import lfilter
 import sysid
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
-from tests.benchmarks.stress import random_polynomial
 from tests.benchmarks.tables import heading, options, row
-from tests.sysid.systems import covered, parameters_covered
+from tests.sysid.systems import covered, parameters_covered, random_polynomial
 
 A, C, SAMPLES, STEPS, LAGS = [1.0, -1.5, 0.7], [1.0, 0.5], 500, 10, 100
 HZ = np.array([0.02, 0.06, 0.12, 0.2, 0.35])

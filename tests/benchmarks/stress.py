@@ -17,6 +17,7 @@ from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import admissible, minimise
 from sysid.polynomial.structures import STRUCTURES
 from tests.benchmarks.tables import options, timed
+from tests.sysid.systems import random_polynomial
 
 BURN_IN = 500
 OFF = 20.0
@@ -30,25 +31,6 @@ class Case:
     data: sysid.IOData
     orders: Orders
     theta: np.ndarray
-
-
-def random_roots(rng, degree, radius):
-    """Roots inside the given radius, complex pairs and real ones mixed; of a pair the first."""
-    degrees = 0
-    while degrees < degree:
-        modulus = radius * np.sqrt(rng.uniform(0.1, 1.0))
-        if degree - degrees >= 2 and rng.random() < 0.6:
-            yield modulus * np.exp(1j * rng.uniform(0.05, 2.5))
-            degrees += 2
-        else:
-            yield modulus * rng.choice([1.0, 1.0, -1.0])
-            degrees += 1
-
-
-def random_polynomial(rng, degree, radius):
-    """Monic, with random roots."""
-    roots = [part for root in random_roots(rng, degree, radius) for part in {root, np.conj(root)}]
-    return np.atleast_1d(np.poly(roots).real)
 
 
 def make_case(kind, seed, samples, snr_db):

@@ -13,8 +13,9 @@ import numpy as np
 from scipy.linalg import block_diag, solve_discrete_are
 
 import sysid
-from tests.benchmarks.stress import BURN_IN, OFF, random_roots, summary
+from tests.benchmarks.stress import BURN_IN, OFF, summary
 from tests.benchmarks.tables import options, timed
+from tests.sysid.systems import random_roots
 
 SYSTEMS = 200
 

@@ -40,6 +40,25 @@ def losing(data, lost):
     return replace(data, y=y, missing=True)
 
 
+def random_roots(rng, degree, radius):
+    """Roots inside the given radius, complex pairs and real ones mixed; of a pair the first."""
+    degrees = 0
+    while degrees < degree:
+        modulus = radius * np.sqrt(rng.uniform(0.1, 1.0))
+        if degree - degrees >= 2 and rng.random() < 0.6:
+            yield modulus * np.exp(1j * rng.uniform(0.05, 2.5))
+            degrees += 2
+        else:
+            yield modulus * rng.choice([1.0, 1.0, -1.0])
+            degrees += 1
+
+
+def random_polynomial(rng, degree, radius):
+    """Monic, with random roots."""
+    roots = [part for root in random_roots(rng, degree, radius) for part in {root, np.conj(root)}]
+    return np.atleast_1d(np.poly(roots).real)
+
+
 def second_order(seed=0, samples=400, noise=1.0, c=(1.0,), d=A, *, b=B, settle=0, lost=0.0, bursts=False):
     """Record of y = b/A u + noise c/d e, sampled every 0.1 s: `settle` samples go before, a part of y is `lost`."""
     rng = np.random.default_rng(seed)

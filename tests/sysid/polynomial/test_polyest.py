@@ -10,29 +10,10 @@ from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import minimise
 from sysid.validation import cramer_rao_bound
 from tests.refusals import refused
-from tests.sysid.systems import in_feedback, losing, near, second_order
+from tests.sysid.systems import in_feedback, losing, near, random_polynomial, second_order
 
 TRUTH = Polynomials(A=[1, -1.2, 0.6], B=[0, 1, 0.5], C=[1, 0.4], D=[1, 0.7], F=[1, -0.8])
 PARAMETERS = Orders.of(TRUTH).parameters(TRUTH)
-
-
-def random_roots(rng, degree, radius):
-    """Roots inside the given radius, complex pairs and real ones mixed; of a pair the first."""
-    degrees = 0
-    while degrees < degree:
-        modulus = radius * np.sqrt(rng.uniform(0.1, 1.0))
-        if degree - degrees >= 2 and rng.random() < 0.6:
-            yield modulus * np.exp(1j * rng.uniform(0.05, 2.5))
-            degrees += 2
-        else:
-            yield modulus * rng.choice([1.0, 1.0, -1.0])
-            degrees += 1
-
-
-def random_polynomial(rng, degree, radius):
-    """Monic, with random roots."""
-    roots = [part for root in random_roots(rng, degree, radius) for part in {root, np.conj(root)}]
-    return np.atleast_1d(np.poly(roots).real)
 
 
 def record(seed=0, samples=2000, noise=1.0, inputs=1):
