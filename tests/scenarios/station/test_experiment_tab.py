@@ -189,9 +189,9 @@ def test_the_preview_shows_the_words_of_the_command(tab, page):
     assert card.warnings == seen.warnings()
     assert all(escape(text) in card.html for text in seen.lines())
     page[0].session.prepare(scenario)
-    wait_until(lambda: not page[0].work.label)
-    assert escape(seen.lines()[0]) in tab._preview.content
-    assert tab._preview_warnings.text == "; ".join(seen.warnings())
+    # The work's label is empty before its result is shown: wait for the words themselves.
+    wait_until(lambda: escape(seen.lines()[0]) in tab._preview.content)
+    wait_until(lambda: tab._preview_warnings.text == "; ".join(seen.warnings()))
 
 
 def test_a_preview_waits_for_other_work(tab, page):
