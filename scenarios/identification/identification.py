@@ -109,7 +109,12 @@ class Identification:
 
 
 def fit_model(
-    records: Sequence[IOData], method: str, orders: Sequence[Order], *, keep_mean: bool = False
+    records: Sequence[IOData],
+    method: str,
+    orders: Sequence[Order],
+    *,
+    keep_mean: bool = False,
+    check: Sequence[IOData] | None = None,
 ) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
 
@@ -118,6 +123,7 @@ def fit_model(
         method: One of `ESTIMATORS`.
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
+        check: Records that judge the model; None if these do.
 
     Raises:
         ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one.
@@ -139,8 +145,8 @@ def fit_model(
         band, longest = model.bandwidth(), max(used, key=len)
         claims = []
         for i in range(first.ny):
-            row = [bandwidth_claim(model, longest, output=i, input=j, band=band) for j in range(first.nu)]
-            claims.append(tuple(row))
+            claim = partial(bandwidth_claim, model, longest, output=i, band=band, judged=check or ())
+            claims.append(tuple(claim(input=j) for j in range(first.nu)))
     return FittedModel(model, ESTIMATORS[method].complete(orders), used, band, tuple(claims))
 
 
@@ -170,7 +176,7 @@ def identify(
         ScenarioError: See `fit_model`.
         SysidError: The estimator refuses the records.
     """
-    fitted = fit_model(records, method, orders, keep_mean=keep_mean)
+    fitted = fit_model(records, method, orders, keep_mean=keep_mean, check=check)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)

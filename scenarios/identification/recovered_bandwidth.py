@@ -22,9 +22,9 @@ from sysid.models.bandwidth import (
     REACH,
     gain_crossing,
     half_power_hz,
-    lowest_excited,
     response_bandwidth,
 )
+from sysid.records.excited_band import lowest_excited
 
 ABOUT_1_HZ = (0.8, 1.25)
 """Range of bandwidths that count as about 1 Hz, Hz."""

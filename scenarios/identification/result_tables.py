@@ -139,6 +139,7 @@ def _undetermined(fitted: FittedModel) -> str:
         return ""
     magnitude = np.abs(response.response)
     deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
+    gains = fitted.estimate.dc_gain()
     for (i, j), value in np.ndenumerate(magnitude[0]):
         path = ""
         if value.size < magnitude[0].size:
@@ -154,6 +155,9 @@ def _undetermined(fitted: FittedModel) -> str:
                 f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz; a longer record, "
                 "or more of the input at these frequencies, would tell"
             )
+        integrates = not abs(gains[i, j]) < INTEGRATES
+        if claim.refused and not integrates and value >= OPEN * magnitude[:, i].max():
+            return f"{claim.warnings[0]}{path}; a record whose input excites these frequencies would tell"
     return ""
 
 

@@ -1,5 +1,6 @@
 """Bandwidths of responses and models: gain crossing, half-power bandwidth, and whether a record supports it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +11,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
+from sysid.records.excited_band import excited_band, hann_power, hann_window, not_leakage
 
 HALF_POWER = float(np.sqrt(0.5))  # gain 0.707: half the power of a response of gain one
 
@@ -132,10 +134,9 @@ def _smooth(variance: FloatArray) -> FloatArray:
 
 WIDEST = 100.0  # ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined
 INTEGRATES = 1e-6  # distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with
-LINE = 1e-3  # a line excites if it has this part of the strongest line's power; weaker ones are noise and leakage
-FLOOR = 1e-2  # a broad floor of weak lines excites too if it has this part of the total power
-SCATTER = 0.03  # lowest power of a line of a random floor, relative to the floor's median
-RESOLVED = 2  # number of lines next to 0 Hz that the window does not resolve from it
+DETECTED = 16.0  # power of a response above a frequency, in variances of the disturbance per line: four deviations
+EXTRAPOLATED = 1.2  # bandwidth, relative to the highest excited frequency, up to which a response is taken as smooth
+ROUNDING = 1e-12  # power of a line, relative to the strongest, that may be rounding of the record
 
 
 @dataclass(frozen=True)
@@ -158,21 +159,34 @@ class BandwidthClaim:
 
 
 def bandwidth_claim(
-    estimate: Estimate, record: IOData, *, output: int = 0, input: int = 0, band: Bandwidth | None = None
+    estimate: Estimate,
+    record: IOData,
+    *,
+    output: int = 0,
+    input: int = 0,
+    band: Bandwidth | None = None,
+    judged: Sequence[IOData] = (),
 ) -> BandwidthClaim:
     """Check the bandwidth of a path of a model against the record of its fit, after all pre-processing.
 
-    `band` are the bandwidths of the estimate, if already computed. Withheld ones are NaN.
+    `band` are the bandwidths of the estimate, if already computed. Withheld ones are NaN. `judged` are records that
+    judge the model: frequencies that the input excites in them are none to which it is extrapolated untested.
     """
     band = estimate.bandwidth() if band is None else band
     hz, low, high = band.path(output, input)
-    lowest = lowest_excited(record, input=input)
+    lowest, _ = excited_band(record, input=input)
     poles = estimate.poles()
     objections: list[str] = []
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
         objections.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
     elif np.isfinite(hz):
         objections += _bandwidth_objections((hz, low, high), record, lowest)
+        highest = _highest_excited(estimate, (record, *judged), output, input, hz)
+        if hz > EXTRAPOLATED * highest:
+            objections.append(
+                f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, extrapolated to {hz / highest:.2g} "
+                f"times the highest frequency that the input excites, {highest:.2g} Hz"
+            )
     warnings = list(objections)
     if lowest > 0:
         warnings.append(
@@ -210,26 +224,36 @@ def _bandwidth_objections(bandwidth: tuple[float, float, float], record: IOData,
     return objections
 
 
-def lowest_excited(record: IOData, *, input: int = 0) -> float:
-    """Lowest frequency at which an input has significant power, Hz; 0 if it reaches 0 Hz within the resolution.
+def _highest_excited(estimate: Estimate, records: Sequence[IOData], output: int, input: int, enough: float) -> float:
+    """Highest frequency that an input excites in some record, Hz, looked for no further once it is `enough`.
 
-    It is the first line of the windowed spectrum that stands out, by itself or as part of a broad floor, moved to the
-    top of its peak: the window spreads every line over its neighbours. 0 Hz counts unless the mean was removed.
+    Lines too weak to stand out count as far as the response to them exceeds the disturbance.
     """
-    u = record.scored.u[:, input]
-    n = len(u)
-    window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(n) / n)
-    # A record that ends within a period has a mean under the window even after its own mean was removed.
-    u = u - (window @ u / window.sum() - u.mean())
-    power = np.abs(np.fft.rfft(window * u)) ** 2
-    level = LINE * power.max()
-    floor = float(np.median(power))
-    if floor * len(power) >= FLOOR * power.sum():
-        # single lines of a random floor scatter far below its median
-        level = min(level, SCATTER * floor)
-    line = int(np.argmax(power >= level))
-    if line < RESOLVED:
+    highest = 0.0
+    for record in records:
+        _, of_lines = excited_band(record, input=input)
+        highest = max(highest, of_lines, 1.0 / (len(record) * record.dt))
+    for record in records:
+        if highest < enough:
+            highest = max(highest, _highest_detected(estimate, record, output, input))
+    return highest
+
+
+def _highest_detected(estimate: Estimate, record: IOData, output: int, input: int) -> float:
+    """Highest frequency from which on upwards the response of a path exceeds the disturbance, Hz; 0 if none.
+
+    The powers of the lines, each in expected powers of the disturbance, are added up from the Nyquist frequency down.
+    """
+    model, u = estimate.model, record.scored.u[:, input]
+    variance = np.atleast_2d(estimate.noise_variance)
+    if not np.isfinite(variance).all() or not model.is_stable():
         return 0.0
-    while line + 1 < len(power) and power[line + 1] > power[line]:
-        line += 1
-    return line / (n * record.dt)
+    f = np.fft.rfftfreq(len(u), record.dt)
+    power = hann_power(u)
+    response = np.abs(model.frequency_response(f)[:, output, input]) ** 2 * power
+    shaping = model.noise_response(f)[:, output]
+    disturbance = np.einsum("ki,ij,kj->k", shaping, variance, shaping.conj()).real * np.sum(hann_window(len(u)) ** 2)
+    # without noise, rounding would stand out
+    relative = response / np.maximum(disturbance, ROUNDING * response.max()) * not_leakage(power)
+    detected = np.flatnonzero(np.cumsum(relative[::-1])[::-1] >= DETECTED)
+    return float(f[detected[-1]]) if len(detected) else 0.0

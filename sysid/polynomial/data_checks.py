@@ -15,13 +15,16 @@ from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.trends import ROUNDING
 
+INTERLEAVED = 8  # signals of spaced samples whose excitation is measured together, about
 DEPENDENT = 1e-6  # singular value of lagged inputs, relative to the largest, that counts as zero
 
 
 def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float = 1e-6) -> int:
     """Order of persistent excitation: the largest n with a nonsingular n x n covariance matrix [Ljung1999, def. 13.1].
 
-    A sinusoid has order 2, a constant 1, a sum of m sinusoids 2m; that of white noise is unlimited.
+    A sinusoid has order 2, a constant 1, a sum of m sinusoids 2m; that of white noise is unlimited. Successive samples
+    of slow sinusoids are too alike for a numerical rank to count them; samples further apart are not, and the order of
+    those is never above that of all: the largest over such spacings is returned.
 
     Args:
         u: One input (N,) or (N, 1).
@@ -48,8 +51,21 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
 
 
 def _order_of_excitation(signals: Sequence[FloatArray], max_order: int, tolerance: float = DEPENDENT) -> int:
-    """Order of excitation by one input, a signal (N_i,) per experiment; at most `max_order`."""
-    return _gram_rank(hankel_moments([signal[:, None] for signal in signals], max_order), tolerance)
+    """Order of excitation by one input, a signal (N_i,) per experiment; at most `max_order`.
+
+    The lags 0, s, 2 s, ... are those of the s signals that take every s-th sample. A polynomial in z^s that vanishes
+    where there is power is a polynomial in z too, so that a wider spacing s never counts too much.
+    """
+    order, spacing = 0, 1
+    longest = max(len(signal) for signal in signals)
+    while order < max_order and (spacing == 1 or longest >= spacing * max_order):
+        # fewer of the interleaved signals have fewer rows, which never raises the rank
+        starts = range(0, spacing, max(spacing // INTERLEAVED, 1))
+        interleaved = [signal[k::spacing, None] for signal in signals for k in starts]
+        long_enough = [part for part in interleaved if len(part) >= max_order]
+        order = max(order, _gram_rank(hankel_moments(long_enough, max_order), tolerance))
+        spacing *= 2
+    return order
 
 
 def _gram_rank(gram: FloatArray, tolerance: float = DEPENDENT) -> int:

@@ -2,10 +2,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import cont2discrete, lfilter
 
 from sysid import IOData, arx, oe
-from sysid.models.bandwidth import bandwidth_claim, lowest_excited
+from sysid.models.bandwidth import bandwidth_claim
+from sysid.records.excited_band import excited_band, lowest_excited
 
 DT = 0.02
 
@@ -68,3 +69,65 @@ def test_broad_excitation_reaches_down_to_zero():
         assert lowest_excited(IOData(u, u, DT).detrend()) == 0.0
     assert lowest_excited(IOData(tone, tone, DT)) == pytest.approx(3.0)
     assert lowest_excited(IOData(tone + 1.0, tone, DT)) == 0.0  # a mean that is left in excites 0 Hz
+
+
+def chirp(low, high, duration, dt):
+    time = np.arange(round(duration / dt)) * dt
+    return np.sin(2 * np.pi * (low * time + 0.5 * (high - low) / duration * time**2))
+
+
+@pytest.mark.parametrize("low, high", [(2.0, 20.0), (5.0, 20.0)])
+def test_a_chirp_excites_from_its_first_to_its_last_frequency(low, high):
+    u = chirp(low, high, 20.0, 0.01)
+    # a sweep of 1 Hz/s blurs its ends by some tenths of 1 Hz
+    assert excited_band(IOData(u, u, 0.01).detrend()) == pytest.approx((low, high), abs=0.5)
+    assert excited_band(IOData(u[::-1], u, 0.01).detrend()) == pytest.approx((low, high), abs=0.5)
+
+
+def test_a_chirp_over_the_whole_record_gives_the_bandwidth():
+    """A PD joint at 1 kHz under 0.1 to 8 Hz: the half-power frequency of wn^2 / (s^2 + 2 z wn s + wn^2) is known."""
+    dt, wn, zeta = 1e-3, 2 * np.pi * 5.0, 0.26
+    u = chirp(0.1, 8.0, 30.0, dt)
+    b, a, _ = cont2discrete(([wn**2], [1.0, 2 * zeta * wn, wn**2]), dt)
+    y = lfilter(b.ravel(), a, u) + 1e-4 * np.random.default_rng(0).standard_normal(len(u))
+    record = IOData(u, y, dt)
+    claim = bandwidth_claim(oe(record, 2, 2, 1), record)
+    root = 1.0 - 2.0 * zeta**2
+    exact = 5.0 * np.sqrt(root + np.sqrt(root**2 + 1.0))
+    assert claim.hz == pytest.approx(exact, rel=1e-3)
+    assert claim.warnings == ()
+
+
+def tones(highest, samples, dt, rng):
+    time = np.arange(samples) * dt
+    return sum(np.sin(2 * np.pi * highest * k / 12 * time + rng.uniform(0, 6)) / k for k in range(1, 13))
+
+
+@pytest.mark.parametrize("highest", [0.5, 1.0, 3.0])
+def test_a_bandwidth_above_the_tones_of_the_input_is_extrapolated(highest):
+    """A servo of 8 Hz under commands of 12 tones: nothing in the record shows what happens above the last tone."""
+    dt, wn = 0.01, 2 * np.pi * 8.0
+    rng = np.random.default_rng(5)
+    u = tones(highest, 6000, dt, rng)
+    assert excited_band(IOData(u, u, dt))[1] == pytest.approx(highest, rel=0.05)
+    b, a, _ = cont2discrete(([wn**2], [1.0, 1.8 * wn, wn**2]), dt)
+    y = lfilter(b.ravel(), a, u) + 2e-5 * rng.standard_normal(len(u))
+    record = IOData(u, y, dt)
+    assert_withheld(
+        bandwidth_claim(oe(record, 2, 2, 1), record), f"times the highest frequency that the input excites, {highest:g}"
+    )
+    # records that judge the model and excite more are evidence of the response there
+    white = rng.standard_normal(2000)
+    judged = bandwidth_claim(oe(record, 2, 2, 1), record, judged=(IOData(white, white, dt),))
+    assert judged.hz == pytest.approx(5.918, rel=0.01)
+
+
+def test_weak_lines_count_where_the_response_exceeds_the_noise():
+    """A single step: its spectrum falls far below the strongest line, but determines a fast plant."""
+    u = np.where(np.arange(600) > 250, 1.0, 0.0)
+    y = lfilter([0, 0.5], [1, -0.5], u)
+    noise = np.random.default_rng(1).standard_normal(600)
+    quiet, noisy = (IOData(u, y + size * noise, DT).detrend() for size in (1e-3, 0.3))
+    # |0.5 / (1 - 0.5 exp(-i w))|^2 is a half where cos w = 0.75
+    assert claimed(quiet).hz == pytest.approx(np.arccos(0.75) / (2 * np.pi * DT), rel=0.02)
+    assert_withheld(claimed(noisy), "times the highest frequency that the input excites")

@@ -32,6 +32,17 @@ def test_known_orders(signal, order):
     refused("max_order", lambda: order_of_excitation(T[:10], max_order=6))
 
 
+@pytest.mark.parametrize("highest", [0.5, 3.0])
+def test_slow_tones_excite_two_orders_each(highest):
+    """At 100 Hz successive samples of tones below 0.5 Hz are nearly alike: the lags of all samples have rank 4."""
+    time, rng = 0.01 * np.arange(6000), np.random.default_rng(5)
+    u = sum(np.sin(2 * np.pi * highest * k / 12 * time + rng.uniform(0, 6)) / k for k in range(1, 13))
+    for asked in (4, 10, 24, 30):
+        assert order_of_excitation(u, max_order=asked) == min(asked, 24)
+    assert order_of_excitation(np.sin(1e-3 * T)) == 2
+    assert order_of_excitation(T.astype(float) ** 2) == 3
+
+
 @pytest.mark.parametrize("value", [1.0, 3.7, 1e6 / 3.0, -0.1, 1e-9])
 @pytest.mark.parametrize("order", [0, 1])
 def test_a_constant_input_is_refused_even_when_its_mean_is_removed(value, order):
