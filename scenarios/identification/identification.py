@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +21,7 @@ from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
+from sysid.records.resolution import resolution
 from sysid.validation.input_independence import LIMIT, input_independence
 from sysid.validation.structure_scan import Order
 
@@ -28,6 +30,9 @@ if TYPE_CHECKING:
 
 SHORTEST = 100
 """Shortest part between two gaps that is used, samples: the initial conditions would take most of a shorter one."""
+
+ROUNDED = 1.1
+"""Residuals, relative to the deviation of rounding, up to which nothing but rounding shows in them."""
 
 DRAWN = 2000
 """Samples of measured and model outputs that are drawn, of longer records the first."""
@@ -64,6 +69,8 @@ class Identification:
         untested: Why not.
         warnings: Remarks on gaps, bandwidths and numerics.
         cautions: What the choice of the model could not tell from the record, for which no verdict calls it sufficient.
+        rounded: Whether the residuals of each output are no larger than the rounding of its values, as by an encoder
+            (ny,): they are then a function of the output, and hence of the input, of a true model too.
     """
 
     fitted: FittedModel
@@ -73,6 +80,15 @@ class Identification:
     untested: str
     warnings: tuple[str, ...]
     cautions: tuple[str, ...] = ()
+    rounded: tuple[bool, ...] = ()
+
+    @property
+    def depends_on_input(self) -> bool:
+        """Whether the test finds residuals that depend on the input, and rounding does not explain them."""
+        if self.test is None:
+            return False
+        explained = np.array(self.rounded) if self.rounded else np.zeros(len(self.test.independent), dtype=bool)
+        return bool((~self.test.independent.all(axis=1) & ~explained).any())
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb identify --json` prints of it; of a single path numbers, else rows of outputs."""
@@ -115,6 +131,7 @@ def fit_model(
     *,
     keep_mean: bool = False,
     check: Sequence[IOData] | None = None,
+    trend: Mapping[str, bool] | None = None,
 ) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
 
@@ -124,9 +141,12 @@ def fit_model(
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
         check: Records that judge the model; None if these do.
+        trend: Options of the estimator for a constant or a straight line in the output; without them a constant is
+            estimated in turns with the model, beside `keep_mean` none.
 
     Raises:
-        ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one.
+        ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one, a trend for a method
+            that knows none.
         SysidError: The estimator refuses the records.
     """
     first = records[0]
@@ -137,7 +157,12 @@ def fit_model(
     with warnings.catch_warnings():
         # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        if keep_mean:
+        if trend:
+            _check_trend(method, trend)
+            shifted = subtract_means(records)
+            model = estimate(shifted, method, orders, **trend)
+            used = _without_trends(model, shifted)
+        elif keep_mean:
             model, used = run(tuple(records)), tuple(records)
         else:
             about_point = fit_with_offset(run, records)
@@ -150,12 +175,36 @@ def fit_model(
     return FittedModel(model, ESTIMATORS[method].complete(orders), used, band, tuple(claims))
 
 
+def _check_trend(method: str, trend: Mapping[str, bool]) -> None:
+    """Refuse options for a trend that the estimator does not have."""
+    known = signature(ESTIMATORS[method].function).parameters
+    for option in trend:
+        if option not in known:
+            able = [name for name, entry in ESTIMATORS.items() if option in signature(entry.function).parameters]
+            raise ScenarioError(f"{method} has no {option}; expected one of {', '.join(able)}")
+
+
+def _without_trends(model: Estimate, parts: Sequence[IOData]) -> tuple[IOData, ...]:
+    """The records that a model was estimated from, without the trends that it found in them."""
+    without = []
+    offsets, slopes = model.diagnostics["offsets"], model.diagnostics.get("slopes")
+    for k, part in enumerate(parts):
+        trend = np.broadcast_to(np.array(offsets[k]), part.y.shape)
+        if slopes is not None:
+            # The offset of a line is its mean.
+            time = (np.arange(len(part)) - 0.5 * (len(part) - 1)) * part.dt
+            trend = trend + time[:, None] * np.array(slopes[k])
+        without.append(part.subtract(y=trend))
+    return tuple(without)
+
+
 def identify(
     records: Sequence[IOData],
     method: str,
     orders: Sequence[Order],
     *,
     keep_mean: bool = False,
+    trend: Mapping[str, bool] | None = None,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
     continued: bool = False,
@@ -167,6 +216,7 @@ def identify(
         method: One of `ESTIMATORS`.
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
+        trend: Options of the estimator for a constant or a straight line in the output, as in `fit_model`.
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
         continued: Whether these continue the records, so that the operating point of the model is theirs too: of other
@@ -176,13 +226,12 @@ def identify(
         ScenarioError: See `fit_model`.
         SysidError: The estimator refuses the records.
     """
-    fitted = fit_model(records, method, orders, keep_mean=keep_mean, check=check)
+    fitted = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, check=check)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)
         if check is not None and continued and fitted.estimate.operating_point is not None:
-            u, y = fitted.estimate.operating_point
-            checked = tuple(record.subtract(u=u, y=y) for record in checked)
+            checked = _about_continued_points(fitted, records, checked)
         elif not keep_mean:
             # Records to judge on have an operating point of their own, which the model's dynamics tell.
             checked = subtract_means(checked)
@@ -195,7 +244,38 @@ def identify(
         # Without a test, the simulated fit alone gives the verdict.
         except SysidError as error:
             untested = str(error)
-    return Identification(fitted, checked, fit, test, untested, _remarks(fitted, judged_on_own_records=check is None))
+    remarks = _remarks(fitted, judged_on_own_records=check is None)
+    return Identification(fitted, checked, fit, test, untested, remarks, rounded=_rounded(records, test))
+
+
+def _rounded(records: Sequence[IOData], test: ResidualTest | None) -> tuple[bool, ...]:
+    """Whether the residuals of each output are no larger than the rounding of its records to steps (ny,)."""
+    if test is None:
+        return ()
+    steps = [resolution(channel) for channel in np.concatenate([record.y for record in records]).T]
+    sizes = np.sqrt(np.nanmean(test.residuals**2, axis=0))
+    # Rounding to steps q has a variance of q^2/12.
+    return tuple(bool(size <= ROUNDED * step / np.sqrt(12.0)) for size, step in zip(sizes, steps, strict=True))
+
+
+def _about_continued_points(
+    fitted: FittedModel, records: Sequence[IOData], checked: Sequence[IOData]
+) -> tuple[IOData, ...]:
+    """Records that continue those of the estimate, about the operating point of the model and along its line.
+
+    A line in the output goes on where the record of the estimate ended. It is that of the record with the same name.
+    """
+    inputs, outputs = fitted.estimate.operating_point or (0.0, 0.0)
+    slopes = fitted.estimate.diagnostics.get("slopes", ())
+    about = []
+    for record in checked:
+        level = np.broadcast_to(outputs, record.y.shape)
+        for part, slope in zip(records, slopes, strict=False):
+            if part.name == record.name:
+                middle = part.start + 0.5 * (len(part) - 1) * part.dt
+                level = level + (record.time - middle)[:, None] * np.array(slope)
+        about.append(record.subtract(u=inputs, y=level))
+    return tuple(about)
 
 
 def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None = None) -> tuple[IOData, ...]:

@@ -2,19 +2,15 @@
 
 import warnings
 from collections.abc import Sequence
-from contextlib import suppress
 from dataclasses import replace
-from functools import partial
-
-import numpy as np
 
 import sysid
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice
-from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means
-from sysid.selection.structure_search import EXACT, ORDERS
+from sysid.polynomial.fit_with_offset import subtract_means
+from sysid.selection.structure_search import ORDERS
 from sysid.validation.structure_scan import Order
 
 HELD_OUT = 0.25
@@ -35,6 +31,8 @@ def choose_and_identify(
     method: str | None,
     *,
     keep_mean: bool = False,
+    offset: bool | None = None,
+    trend: bool | None = None,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
     continued: bool = False,
@@ -45,6 +43,8 @@ def choose_and_identify(
         records: Records to estimate from, as `usable` returns them.
         method: One of arx, armax, oe, bj; None tries all.
         keep_mean: Whether to take values as they are, without an operating point.
+        offset: Whether the output has a constant beside its mean; None lets the choice decide.
+        trend: Whether it has a straight line, likewise.
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
         continued: Whether these continue the records.
@@ -61,36 +61,21 @@ def choose_and_identify(
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if keep_mean:
-            about = records
-        elif records[0].ny > 1:
-            about = subtract_means(records)
+            about, offset, trend = records, False, False
         else:
-            about = _about_operating_point(records)
-        choice = sysid.auto(about, methods=None if method is None else [method])
+            about = subtract_means(records)
+        choice = sysid.auto(about, methods=None if method is None else [method], offset=offset, trend=trend)
         chosen = _chosen(choice)
-        result = identify(records, *chosen, keep_mean=keep_mean, steps=steps, check=check, continued=continued)
+        result = identify(
+            records,
+            *chosen,
+            keep_mean=keep_mean,
+            trend=choice.candidates[0].trend_options,
+            steps=steps,
+            check=check,
+            continued=continued,
+        )
     return replace(result, cautions=choice.cautions), choice
-
-
-def _about_operating_point(records: Sequence[IOData]) -> Sequence[IOData]:
-    """Subtract the operating point, estimated with a model: a mean would include the transient at the start.
-
-    About the means alone, candidates of high order fit the offset of the transient as if it were dynamics.
-    Without noise, orders that are too high fit any offset by a pole at one that a zero cancels.
-    """
-    about = subtract_means(records)
-    for order in LEVEL_ORDERS:
-        with suppress(sysid.SysidError):  # too few samples for this order
-            fit = fit_with_offset(partial(sysid.arx, na=order, nb=order, nk=1), records)
-            about = fit.parts
-            power = sum(float(np.nansum(record.y**2)) for record in fit.parts)
-            samples = sum(int(record.known.sum()) for record in records)
-            is_exact = fit.estimate.loss * samples <= EXACT * power
-            # The highest order comes first: it decides unless it fits exactly, then the lowest that does.
-            is_first = order == LEVEL_ORDERS[0]
-            if is_exact != is_first:
-                break
-    return about
 
 
 def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:

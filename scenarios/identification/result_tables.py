@@ -11,6 +11,7 @@ from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.identification import FittedModel, Identification, deviations
 from sysid import Estimate, ModelFit, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
+from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray
 from sysid.records.printing import AT_ZERO, poles_table
 
@@ -20,11 +21,11 @@ LISTED = 24
 SUFFICIENT = 50.0
 """Least simulated fit of a model that a verdict calls sufficient, %."""
 
-OPEN = 0.25
-"""Standard deviation of a gain, relative to it, from which on a record leaves it open."""
+CLOSE = 0.2
+"""Part of gain and bandwidth within which the 95 % intervals of a model that a verdict calls sufficient must lie."""
 
-WIDE = 3.0
-"""Ratio of the ends of a bandwidth's interval from which on a record leaves it open."""
+SMALL = 0.25
+"""Gain, relative to the largest at any frequency, below which nothing depends on it."""
 
 GRID = 50
 """Frequencies at which the largest gain is looked for."""
@@ -93,7 +94,7 @@ def verdict(result: Identification) -> str:
         return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fits}, below 0 %"
     if result.test is None:
         return f"residuals not tested; simulated fit {fits}"
-    if not result.test.independent.all():
+    if result.depends_on_input:
         words = (
             "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
         )
@@ -115,7 +116,7 @@ def _verdict_of_unstable(result: Identification) -> str:
     fits = ", ".join(f"{value:.1f} %" for value in result.fit.one_step)
     if result.test is None:
         words = "residuals not tested"
-    elif not result.test.independent.all():
+    elif result.depends_on_input:
         words = (
             "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
         )
@@ -144,13 +145,13 @@ def _undetermined(fitted: FittedModel) -> str:
         path = ""
         if value.size < magnitude[0].size:
             path = f" from {(first.input_names or ())[j]} to {(first.output_names or ())[i]}"
-        if deviation[i, j] > OPEN * max(value, OPEN * magnitude[:, i, j].max()):
+        if NORMAL_95 * deviation[i, j] > CLOSE * max(value, SMALL * magnitude[:, i, j].max()):
             return (
                 f"the record leaves the gain{path} open, {value:.3g} at {lowest:.3g} Hz with a standard deviation of "
                 f"{deviation[i, j]:.2g}; a longer record, or more of the input at low frequencies, would tell"
             )
         claim = fitted.claims[i][j]
-        if claim.low > 0.0 and claim.high > WIDE * claim.low:
+        if claim.low > 0.0 and claim.high > (1.0 + CLOSE) ** 2 * claim.low:
             return (
                 f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz; a longer record, "
                 "or more of the input at these frequencies, would tell"

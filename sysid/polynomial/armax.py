@@ -22,6 +22,8 @@ def armax(
     max_iterations: int = 100,
     coloured: bool = False,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+    offset: bool = False,
+    trend: bool = False,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -40,6 +42,10 @@ def armax(
         coloured: Whether the covariance allows for prediction errors that are not white, as in `arx`.
         initial_conditions: Assumption about the time before each experiment, or its name ("zero", "backcast"); by
             default none, and free initial conditions are estimated.
+        offset: Whether the output of every experiment has an unknown constant beside the response of the model. It
+            becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
+            the rest: their means are no operating point.
+        trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
 
     Returns:
         The estimate; parameters a1.., b1.., c1...
@@ -60,4 +66,6 @@ def armax(
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,
+        offset=offset,
+        trend=trend,
     )

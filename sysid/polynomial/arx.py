@@ -1,7 +1,8 @@
 """ARX models by linear least squares."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,17 @@ from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.least_squares import LeastSquares, solve, solve_triangle, triangle_of_blocks
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
-from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
+from sysid.polynomial.polynomial_estimate import (
+    check_enough_data,
+    check_single_output,
+    make_estimate,
+    trend_diagnostics,
+    trends_of_outputs,
+)
 from sysid.polynomial.regressors import arx_equations, complete_rows, equation_blocks
 from sysid.polynomial.regularisation import Kernel, Posterior, checked_kernel, empirical_bayes, posterior_of_triangle
 from sysid.polynomial.robust_covariance import sandwich
+from sysid.polynomial.trends import Levelled, equations_with_trends, trend_degree
 from sysid.records.arguments import truth_value
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -33,6 +41,8 @@ def arx(
     *,
     coloured: bool = False,
     regularisation: Kernel | None = None,
+    offset: bool = False,
+    trend: bool = False,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3], or by regularised ones.
 
@@ -46,6 +56,10 @@ def arx(
             not be the true parameters. The estimate itself is the same.
         regularisation: Kernel "tc", "dc" or "ss" of a Gaussian prior of A and of each B as decaying responses, which
             allows high orders on short records; see `impulseest`. The covariance is that of the posterior.
+        offset: Whether the output of every experiment has an unknown constant beside the response of the model. It
+            becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
+            the rest: their means are no operating point.
+        trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
 
     Returns:
         The estimate; parameters a1.., b1...
@@ -61,7 +75,7 @@ def arx(
     if coloured and kernel is not None:
         raise SysidError("coloured=True needs regularisation=None: a posterior covariance rests on white errors")
     experiments = as_experiments(data, missing=not coloured, series=True)
-    orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk)
+    orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk, trend=trend_degree(offset, trend))
     order_values = orders.select("na", "nb", "nk")
     return regression_estimate("arx", experiments, orders, order_values, coloured=coloured, kernel=kernel)
 
@@ -83,7 +97,8 @@ def regression_estimate(
     # a prior takes the place of excitation and of samples
     needed_excitation = orders.nb if kernel is None else [1] * len(orders.nb)
     messages = check_excitation(experiments, needed_excitation)
-    messages += check_means(experiments, orders.na)
+    if not orders.trend_terms:
+        messages += check_means(experiments, orders.na)
     if kernel is None:
         check_enough_data(experiments, orders, transients=0)
     starts = [orders.first_row(e.window) for e in experiments]
@@ -113,6 +128,12 @@ def regression_estimate(
             covariance = sandwich(experiments, orders, theta, covariance, variance)
         diagnostics = fit.diagnostics
     warn_each(messages, stacklevel=3)
+    recorded = experiments
+    if orders.trend_terms:
+        none = Levelled(tuple(experiments), tuple(np.zeros(len(e)) for e in experiments))
+        levelled = none.subtract(trends_of_outputs(experiments, orders, theta))
+        experiments = levelled.experiments
+        diagnostics = {**diagnostics, **trend_diagnostics(levelled)}
     return make_estimate(
         method,
         experiments,
@@ -123,6 +144,7 @@ def regression_estimate(
         variance=variance,
         diagnostics=diagnostics,
         messages=messages,
+        recorded=recorded,
     )
 
 
@@ -152,9 +174,14 @@ class Equations:
         rows = sum(len(yi) - start for yi, start in zip(self.y, self.starts, strict=True))
         return rows * (self.orders.count + 1) > LARGEST_TABLE
 
+    @property
+    def _as_triangle(self) -> bool:
+        """Whether the equations are reduced to a triangle first: long ones, and those with trends to project out."""
+        return self._are_long or self.orders.trend_terms > 0
+
     def least_squares(self) -> tuple[LeastSquares, int]:
-        """Solution, and the number of equations."""
-        if self._are_long:
+        """Solution, and the number of equations, less those that trends use up."""
+        if self._as_triangle:
             triangle, lengths, rows = self._triangle()
             return solve_triangle(triangle, lengths, self.orders.count, rows), rows
         phi, target = self._at_once()
@@ -162,7 +189,7 @@ class Equations:
 
     def posterior(self, sizes: Sequence[int], kernel: Kernel) -> Posterior:
         """Solution with a prior on blocks of coefficients of these sizes."""
-        if self._are_long:
+        if self._as_triangle:
             triangle, lengths, rows = self._triangle()
             return posterior_of_triangle(triangle, lengths, rows, float(lengths[-1] ** 2), sizes, kernel)
         phi, target = self._at_once()
@@ -177,9 +204,15 @@ class Equations:
 
     def _triangle(self) -> tuple[FloatArray, FloatArray, int]:
         orders = self.orders
-        triangle, lengths, rows = triangle_of_blocks(
-            lambda: equation_blocks(self.y, self.u, orders.na, orders.nb, orders.nk, self.starts)
+        blocks: Callable[[], Iterable[FloatArray]] = partial(
+            equation_blocks, self.y, self.u, orders.na, orders.nb, orders.nk, self.starts
         )
+        if orders.trend_terms:
+            blocks = partial(equations_with_trends, self.y, self.u, orders, self.starts)
+        triangle, lengths, rows = triangle_of_blocks(blocks)
+        # behind the leading columns stands the triangle of the others, projected onto the complement of these
+        of_trends = orders.trend_terms * len(self.y)
+        triangle, lengths, rows = triangle[of_trends:, of_trends:], lengths[of_trends:], rows - of_trends
         if rows <= self.unknown:
             raise SysidError(
                 f"too many missing samples: {rows} equations are complete, {self.unknown} coefficients need more"

@@ -23,6 +23,8 @@ def bj(
     max_iterations: int = 100,
     coloured: bool = False,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+    offset: bool = False,
+    trend: bool = False,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + C(q)/D(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -41,6 +43,10 @@ def bj(
         max_iterations: Limit on the steps of the final minimisation.
         coloured: Whether the covariance allows for prediction errors that are not white, as in `arx`.
         initial_conditions: Assumption about the time before each experiment, or its name, as in `armax`.
+        offset: Whether the output of every experiment has an unknown constant beside the response of the model. It
+            becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
+            the rest: their means are no operating point.
+        trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
 
     Returns:
         The estimate; parameters b1.., c1.., d1.., f1...
@@ -60,4 +66,6 @@ def bj(
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,
+        offset=offset,
+        trend=trend,
     )

@@ -4,8 +4,9 @@ Missing outputs and initial conditions are eliminated together: the result is th
 missing outputs at their conditional means, projected onto the complement of both [GolubPereyra2003].
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import scipy
@@ -13,9 +14,10 @@ import scipy
 from sysid.models.polynomials import ONE, is_stable
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.missing_outputs import MissingOutputs
-from sysid.polynomial.orders import Orders, SplitPolynomials
+from sysid.polynomial.orders import NO_TREND, Orders, SplitPolynomials
 from sysid.polynomial.orthonormal_basis import gramian
 from sysid.polynomial.regressors import input_lags, lagged, output_lags
+from sysid.polynomial.trends import trend_terms
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -25,6 +27,7 @@ FIRST_LENGTH = 256  # samples after which most transients have died out
 NEGLIGIBLE = 1e-17  # tail of a transient, relative to its largest value, that rounding hides
 DIED = 1e-60  # of a transient, relative to its largest value: no sum with any signal keeps a digit of it
 DEPENDENT_TRANSIENTS = 1e-12  # singular value, relative to the largest, that rounding makes of zero
+VANISHED = 1e-10  # error by a trend of unit size that is none
 STEP = 1e-5  # of the coefficients, for difference quotients of the small matrices of backcasting
 
 
@@ -39,6 +42,7 @@ class ErrorJacobian:
         transients: Number of free initial conditions.
         log_determinant: Contribution of missing outputs to -2 times the logarithm of the likelihood.
         slope: Derivatives of `log_determinant` (p,); None without missing outputs.
+        trend: Trend of the output that explains most of the errors, in `trend_terms` (k,).
     """
 
     columns: FloatArray
@@ -46,12 +50,16 @@ class ErrorJacobian:
     transients: int
     log_determinant: float = 0.0
     slope: FloatArray | None = None
+    trend: FloatArray = field(default_factory=partial(np.zeros, 0))
 
 
 def error_jacobian(
     experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
 ) -> ErrorJacobian:
     """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,)."""
+    projects_no_trend = initial_conditions is not InitialConditions.ESTIMATED
+    if orders.trend_terms and projects_no_trend:
+        return _jacobian_beside_trend(error_jacobian, experiment, orders, theta, initial_conditions)
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
         from_rest = _free_conditions_jacobian(y, u, orders, orders.split(theta), 0, np.zeros((0, 0)))
@@ -63,6 +71,42 @@ def error_jacobian(
     polynomials = orders.split(theta)
     transients = free_transients(orders, polynomials, len(y) - start)
     return _free_conditions_jacobian(y, u, orders, polynomials, start, transients)
+
+
+def _jacobian_beside_trend(
+    jacobian: Callable[[IOData, Orders, FloatArray, InitialConditions], ErrorJacobian],
+    experiment: IOData,
+    orders: Orders,
+    theta: FloatArray,
+    initial_conditions: InitialConditions,
+) -> ErrorJacobian:
+    """Jacobian of the record without the trend that explains most of its errors, projected onto the complement of it.
+
+    The errors that a trend causes are those of a record that is nothing else: this holds whatever else is projected.
+    """
+    without_trend = replace(orders, trend=NO_TREND)
+    terms = trend_terms(orders.trend, len(experiment))
+    effects = []
+    for term in terms.T:
+        y = np.where(experiment.known[:, 0], term, np.nan)
+        alone = replace(experiment, y=y, u=np.zeros_like(experiment.u))
+        effects.append(jacobian(alone, without_trend, theta, initial_conditions).columns[:, -1])
+    caused = _without_vanished(np.stack(effects, axis=1))
+    errors = jacobian(experiment, without_trend, theta, initial_conditions).columns[:, -1]
+    if not caused.any():
+        coefficients, basis = np.zeros(terms.shape[1]), np.zeros((len(errors), 0))
+    else:
+        basis, coefficients = orthonormal(caused, errors)
+    levelled = replace(experiment, y=experiment.y[:, 0] - terms @ coefficients)
+    result = jacobian(levelled, without_trend, theta, initial_conditions)
+    _subtract_projection(basis, result.columns)
+    return replace(result, transients=result.transients + basis.shape[1], trend=coefficients)
+
+
+def _without_vanished(caused: FloatArray) -> FloatArray:
+    """The errors (rows, k) that terms of a trend cause; zero where rounding alone remains, as behind a root at one."""
+    caused[:, np.sqrt(np.mean(caused**2, axis=0)) < VANISHED] = 0.0
+    return caused
 
 
 def _free_conditions_jacobian(
@@ -90,9 +134,21 @@ def _free_conditions_jacobian(
     corrected = v[start:]
     outputs = [response[start:] for response in responses]
     basis = None
-    if transients.shape[1]:
-        basis, conditions = orthonormal(transients, eps)
+    trend = np.zeros(0)
+    free = transients
+    if orders.trend_terms:
+        terms = trend_terms(orders.trend, len(y))
+        free = _beside_trend(transients, terms, (a, c, d), start)
+    # a trend may vanish behind a root at one
+    if free.shape[1] and free.any():
+        basis, conditions = orthonormal(free, eps)
         _subtract_projection(basis, eps)
+        if orders.trend_terms:
+            trend = conditions[transients.shape[1] :]
+            conditions = conditions[: transients.shape[1]]
+            of_trend = terms @ trend
+            y = y - of_trend
+            corrected = corrected - (_moving_average(a, of_trend) if orders.na else of_trend)[start:]
         # w and v with the fitted initial conditions of eps; those of 1/C come first
         for j, transient in _path_transients(f, conditions[noise_count:], len(eps)):
             outputs[j][: len(transient)] += transient
@@ -118,7 +174,22 @@ def _free_conditions_jacobian(
         _subtract_projection(basis, columns[:, : orders.count])
     columns[:, orders.count] = eps
     free_conditions = 0 if basis is None else basis.shape[1]
-    return ErrorJacobian(columns, len(columns), free_conditions)
+    return ErrorJacobian(columns, len(columns), free_conditions, trend=trend)
+
+
+def _beside_trend(
+    transients: FloatArray, terms: FloatArray, filters: tuple[FloatArray, FloatArray, FloatArray], start: int
+) -> FloatArray:
+    """Transients with the errors beside them that the terms of a trend (N, k) cause, from `start` on.
+
+    The filters are A, C and D of the errors D/C A y.
+    """
+    a, c, d = filters
+    caused = scipy.signal.lfilter(d, c, scipy.signal.lfilter(a, [1.0], terms, axis=0), axis=0)[start:]
+    free = np.zeros((len(caused), transients.shape[1] + terms.shape[1]), order="F")
+    free[: len(transients), : transients.shape[1]] = transients
+    free[:, transients.shape[1] :] = _without_vanished(caused)
+    return free
 
 
 def path_responses(u: FloatArray, b: Sequence[FloatArray], f: Sequence[FloatArray]) -> list[FloatArray]:
@@ -179,8 +250,8 @@ def _backcast_jacobian(y: FloatArray, u: FloatArray, orders: Orders, theta: Floa
     basis, conditions = orthonormal(_backcast_transients(orders, theta, root, rows), errors)
     _subtract_projection(basis, errors)
     for j, transient in _path_transients(f, conditions[m:], rows):
-        responses[j][start:] += transient
-        v = v - transient
+        responses[j][start : start + len(transient)] += transient
+        v[: len(transient)] -= transient
 
     columns = np.zeros((m + rows, orders.count + 1), order="F")
     of_a, of_b, of_c, of_d, of_f = orders.ranges
@@ -373,6 +444,8 @@ def gapped_error_jacobian(
     experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
 ) -> ErrorJacobian:
     """Errors and Jacobian of one single-output experiment, one row per sample; not for backcasting."""
+    if orders.trend_terms:
+        return _jacobian_beside_trend(gapped_error_jacobian, experiment, orders, theta, initial_conditions)
     a, b, c, d, f = orders.split(theta)
     at_rest = initial_conditions is InitialConditions.ZERO
     known = experiment.known[:, 0]

@@ -21,6 +21,8 @@ def oe(
     max_iterations: int = 100,
     coloured: bool = True,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
+    offset: bool = False,
+    trend: bool = False,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
@@ -42,6 +44,10 @@ def oe(
             samples; 0.94, 0.94, 0.74 and 0.93 from 250; 0.94, 0.94, 0.77 and 0.95 from 1,000; the same with a tenth of
             the outputs missing but for 0.90 at 250. It takes a tenth more time.
         initial_conditions: Assumption about the time before each experiment, or its name, as in `armax`.
+        offset: Whether the output of every experiment has an unknown constant beside the response of the model. It
+            becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
+            the rest: their means are no operating point.
+        trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -61,4 +67,6 @@ def oe(
         max_iterations=max_iterations,
         coloured=coloured,
         initial_conditions=initial_conditions,
+        offset=offset,
+        trend=trend,
     )

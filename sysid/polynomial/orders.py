@@ -19,6 +19,9 @@ from sysid.records.errors import SysidError
 P = ParamSpec("P")
 R = TypeVar("R")
 
+NO_TREND = -1
+"""Degree of the trend of a model without one."""
+
 SplitPolynomials = tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, list[FloatArray]]
 """A, B of each input, C, D and F of each input; B with its nk leading zeros, the others with their leading 1."""
 
@@ -27,6 +30,8 @@ SplitPolynomials = tuple[FloatArray, list[FloatArray], FloatArray, FloatArray, l
 class Orders:
     """Orders of A y = B/F u + C/D e; parameters in the sequence A, B, C, D, F, inputs one after the other.
 
+    A trend of the output is no parameter: it belongs to an experiment, as its initial conditions do.
+
     Attributes:
         na: Degree of A.
         nb: Number of coefficients of B, per input.
@@ -34,6 +39,7 @@ class Orders:
         nd: Degree of D.
         nf: Degree of F, per input.
         nk: Delay in samples, per input.
+        trend: Degree of the polynomial of time that is part of every experiment's output, 0 for a constant.
     """
 
     na: int
@@ -42,6 +48,7 @@ class Orders:
     nd: int
     nf: tuple[int, ...]
     nk: tuple[int, ...]
+    trend: int = NO_TREND
 
     @staticmethod
     def of(polynomials: Polynomials, *, padded: bool = False) -> "Orders":
@@ -91,6 +98,11 @@ class Orders:
             value = getattr(self, name)
             selected[name] = value[0] if isinstance(value, tuple) and len(value) == 1 else value
         return selected
+
+    @property
+    def trend_terms(self) -> int:
+        """Number of terms of the trend."""
+        return self.trend + 1
 
     def first_row(self, window: int) -> int:
         """First time whose prediction error needs no sample from before the record."""
@@ -196,6 +208,7 @@ def make_orders(
     nc: int = 0,
     nd: int = 0,
     nf: int | Sequence[int] = 0,
+    trend: int = NO_TREND,
 ) -> Orders:
     """Check orders; a single number for nb, nf or nk holds for all inputs, () stands for no input."""
     if nu == 0 and np.size(nb):
@@ -207,6 +220,7 @@ def make_orders(
         nd=whole_number("nd", nd, 0),
         nf=_per_input("nf", nf, nu),
         nk=_per_input("nk", nk, nu),
+        trend=trend,
     )
 
 

@@ -12,8 +12,10 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
+from sysid.models.record_hash import record_hash
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
 from sysid.polynomial.orders import Orders, make_orders
@@ -28,6 +30,7 @@ from sysid.polynomial.prediction_error import (
     search_of_long_records,
 )
 from sysid.polynomial.robust_covariance import curvature_covariance, sandwich
+from sysid.polynomial.trends import Levelled, level, trend_degree, trend_terms
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -66,9 +69,15 @@ def make_estimate(
     diagnostics: Mapping[str, Any],
     messages: Sequence[str],
     at_rest: bool = False,
+    recorded: Sequence[IOData] | None = None,
 ) -> Estimate:
-    """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest."""
+    """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest.
+
+    The `recorded` experiments are those that the model recognises as its own, where trends were subtracted from them.
+    """
     summary = DataSummary.of(experiments)
+    if recorded is not None:
+        summary = replace(summary, hashes=tuple(map(record_hash, recorded)))
     realise = Realise(orders, summary, variance)
     model = realise(theta)
     if not model.is_stable():
@@ -153,11 +162,13 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
         )
     usable = [int(e.known[orders.first_row(e.window) :].sum()) for e in experiments]
     rows = sum(usable)
-    unknown = orders.count + transients * len(experiments)
+    conditions = transients + orders.trend_terms
+    unknown = orders.count + conditions * len(experiments)
     # an experiment that its initial conditions fit exactly says nothing about the model
-    if rows <= unknown or min(usable) <= transients:
+    if rows <= unknown or min(usable) <= conditions:
+        of_trend = f" and {orders.trend_terms} terms of a trend" if orders.trend_terms else ""
         raise SysidError(
-            f"too many orders for the data: {orders.count} parameters and {transients} initial conditions "
+            f"too many orders for the data: {orders.count} parameters and {transients} initial conditions{of_trend} "
             f"per experiment from {rows} usable samples in {len(experiments)} experiment(s)"
         )
     return rows
@@ -169,6 +180,7 @@ COLOUR = 30  # highest order of the autoregressive model of a coloured disturban
 ROWS_PER_COEFFICIENT = 20  # least number of errors per coefficient of that model
 LONG = 100_000  # samples beyond which stretches of the records are searched first
 MEMORY = 8.0  # time constants of a root of C or D in a record, up to which intervals are known to fail
+LEVEL_SHOWS = 1e-4  # mean error by a constant of one in the output, above which it is determined
 EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 
@@ -181,6 +193,8 @@ def prediction_error_estimate(
     max_iterations: int,
     coloured: bool,
     initial_conditions: InitialConditions | str,
+    offset: bool = False,
+    trend: bool = False,
     series: bool = False,
 ) -> Estimate:
     """Check the data, minimise the prediction errors, and return the estimate.
@@ -190,13 +204,13 @@ def prediction_error_estimate(
     missing outputs the gaps depend on the parameters too, and the curvature of the likelihood replaces J' J.
     With `coloured`, the covariance allows for errors that are not white; those of OE models are taken to be independent
     of the input, which gives narrower intervals. The orders are those of `make_orders` by name; `series` allows records
-    without input.
+    without input. A constant, with `trend` a straight line, in the output of each experiment is projected out likewise.
     """
     coloured = truth_value("coloured", coloured)
     # beside a noise model, only complete records show the colour
     shows_colour = not {"na", "nc", "nd"} & order_values.keys()
     experiments = as_experiments(data, missing=shows_colour or not coloured, series=series)
-    orders = make_orders(experiments[0].nu, **order_values)
+    orders = make_orders(experiments[0].nu, **order_values, trend=trend_degree(offset, trend))
     initial_conditions = InitialConditions.of(initial_conditions)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     check_single_output(experiments)
@@ -207,6 +221,10 @@ def prediction_error_estimate(
             "data.complete_parts() cuts a record into experiments without gaps"
         )
     messages = _data_messages(experiments, orders)
+    recorded = experiments
+    levelled = level(experiments, orders.trend) if orders.trend_terms else None
+    if levelled is not None:
+        experiments = levelled.experiments
     filled = experiments if complete else fill_gaps(experiments, orders)
     first = None if start is None else InitialEstimate("start", orders.parameters(start))
     find = partial(
@@ -224,6 +242,11 @@ def prediction_error_estimate(
     messages += _search_messages(method, orders, result.best, condition)
     messages += _long_memory(orders, at)
     warn_each(messages, stacklevel=3)
+    diagnostics = _diagnostics(result, condition)
+    if levelled is not None:
+        levelled = levelled.subtract(trends_of_outputs(experiments, orders, at.theta, initial_conditions))
+        experiments = levelled.experiments
+        diagnostics |= trend_diagnostics(levelled)
     return make_estimate(
         method,
         experiments,
@@ -232,17 +255,50 @@ def prediction_error_estimate(
         theta=at.theta,
         covariance=covariance,
         variance=variance,
-        diagnostics=_diagnostics(result, condition),
+        diagnostics=diagnostics,
         messages=messages,
         at_rest=initial_conditions is InitialConditions.ZERO,
+        recorded=recorded,
     )
+
+
+def trends_of_outputs(
+    experiments: Sequence[IOData],
+    orders: Orders,
+    theta: FloatArray,
+    initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
+) -> list[FloatArray]:
+    """Trend of the output (N_i,) of each experiment that explains most of the errors of a model.
+
+    Behind a root of A or D near one an output has no level: any would do, and rounding or noise would choose.
+    """
+    a, _, c, d, _ = orders.split(theta)
+    if abs(a.sum() * d.sum()) <= LEVEL_SHOWS * abs(c.sum()):
+        return [np.zeros(len(experiment)) for experiment in experiments]
+    trends = []
+    for experiment in experiments:
+        jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
+        coefficients = jacobian(experiment, orders, theta, initial_conditions).trend
+        trends.append(trend_terms(orders.trend, len(experiment)) @ coefficients)
+    return trends
+
+
+def trend_diagnostics(levelled: Levelled) -> dict[str, Any]:
+    """Offset (of a line its mean) and slope per second of the output of each experiment, for the diagnostics."""
+    offsets, slopes = [], []
+    for experiment, of_output in zip(levelled.experiments, levelled.trends, strict=True):
+        offsets.append((float(of_output.mean()),))
+        rise = float(of_output[-1] - of_output[0])
+        slopes.append((rise / max((len(of_output) - 1) * experiment.dt, experiment.dt),))
+    return {"offsets": tuple(offsets), "slopes": tuple(slopes)}
 
 
 def _data_messages(experiments: Sequence[IOData], orders: Orders) -> list[str]:
     """Refuse data that cannot determine the parameters; describe data that hardly can."""
     needed_excitation = [nb + max(orders.na, nf) for nb, nf in zip(orders.nb, orders.nf, strict=True)]
     messages = check_excitation(experiments, needed_excitation)
-    messages += check_means(experiments, max((orders.na, *orders.nf)))
+    if not orders.trend_terms:
+        messages += check_means(experiments, max((orders.na, *orders.nf)))
     check_enough_data(experiments, orders, transients=max(orders.nc, orders.nd) + sum(orders.nf))
     check_room_to_start(experiments, orders)
     return messages

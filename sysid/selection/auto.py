@@ -10,12 +10,21 @@ import numpy as np
 from sysid.frequency.delayest import delayest
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
+from sysid.polynomial.orders import NO_TREND
+from sysid.polynomial.trends import LINE, OFFSET, best_degree, level
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, Table
-from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, complete_parts
+from sysid.selection.structure_search import (
+    ORDERS,
+    SEARCHED,
+    Candidate,
+    Experiments,
+    StructureSearch,
+    complete_parts,
+)
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.feedback import feedback_p, interchanged
 
@@ -84,6 +93,8 @@ def auto(
     methods: Sequence[str] | None = None,
     validation: IOData | Sequence[IOData] | None = None,
     direct: bool = False,
+    offset: bool | None = None,
+    trend: bool | None = None,
     largest: int = 10,
     longest: int = 4000,
 ) -> StructureChoice:
@@ -108,6 +119,9 @@ def auto(
             output only.
         validation: Data to judge on, means removed.
         direct: Whether the output may depend on the input of the same sample although the data have noise.
+        offset: Whether the output has a constant of its own, as in `oe`; None decides by the criterion. One output
+            only.
+        trend: Whether it has a straight line, likewise.
         largest: Largest order tried.
         longest: Samples on which the search begins; of longer records `STRETCHES` parts are used, and the best
             candidates of them are continued on all samples. With several outputs all are compared on these parts.
@@ -133,18 +147,20 @@ def auto(
     if not names or not all(isinstance(name, str) and name in ORDERS for name in names):
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
     direct = truth_value("direct", direct)
-    search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names)
-    delays, p = tuple[int, ...](), _feedback_p(experiments)
+    trends = _trends(experiments, offset, trend)
+    search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names, trends)
+    without_trend = _without_trend(experiments, trends[0])
+    delays, p = tuple[int, ...](), _feedback_p(without_trend)
     fed_back = p < LEVEL
     # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
-    seen_at_once = p >= LEVEL and not direct and _feedback_p(experiments, direct=False) < LEVEL
+    seen_at_once = p >= LEVEL and not direct and _feedback_p(without_trend, direct=False) < LEVEL
     at_once = seen_at_once and p < 1.0
     excluded = DIRECT
     with warnings.catch_warnings():
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
         if experiments[0].ny == 1:
-            delays = _delays(search.experiments, largest)
+            delays = _delays(_without_trend(search.experiments, trends[0]), largest)
             if fed_back or at_once:
                 delays = tuple(max(delay, 1) for delay in delays)
             if (fed_back or at_once) and methods is None:
@@ -153,7 +169,7 @@ def auto(
                 excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
             search.climb_structures(delays)
             if sum(map(len, search.experiments)) < sum(map(len, experiments)):
-                whole = StructureSearch(experiments, validation_data, largest, search.methods)
+                whole = StructureSearch(experiments, validation_data, largest, search.methods, trends)
                 whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
                 search = whole
         elif methods is not None:
@@ -167,7 +183,7 @@ def auto(
     if fed_back:
         reason += (
             f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
-            f"{excluded}{_interchange_question(experiments)}"
+            f"{excluded}{_interchange_question(without_trend)}"
         )
     cautions = []
     if at_once:
@@ -236,7 +252,40 @@ def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Esti
         start = n4sid(complete_parts(experiments), orders["order"], direct=direct)
         return pem_ss(experiments, start, direct=direct)
     estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
-    return estimators[chosen.method](experiments, **chosen.orders)
+    return estimators[chosen.method](experiments, **chosen.orders, **chosen.trend_options)
+
+
+def _trends(experiments: Experiments, offset: bool | None, trend: bool | None) -> tuple[int, ...]:
+    """Degrees of trends of the output to try, the first at the beginning.
+
+    Raises:
+        SysidError: Options that are neither True, False nor None, or one of them True for several outputs.
+    """
+    tried = []
+    for name, value, degree in (("offset", offset, OFFSET), ("trend", trend, LINE)):
+        if value is not None and truth_value(name, value) and experiments[0].ny > 1:
+            raise SysidError(
+                f"{name}=True is of one output, the data have {experiments[0].ny}: remove means, detrend()"
+            )
+        if value is not False:
+            tried.append(degree)
+    if experiments[0].ny > 1:
+        return (NO_TREND,)
+    if trend:
+        return (LINE,)
+    if offset:
+        return tuple(tried)
+    tried.insert(0, NO_TREND)
+    best = best_degree(complete_parts(experiments), SEARCHED)
+    first = best if best in tried else tried[-1]
+    return (first, *(degree for degree in tried if degree != first))
+
+
+def _without_trend(experiments: Experiments, degree: int) -> Experiments:
+    """The experiments without trends of this degree in their outputs."""
+    if degree == NO_TREND:
+        return experiments
+    return level(experiments, degree).experiments
 
 
 def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:

@@ -22,9 +22,10 @@ from sysid.polynomial.initial_estimates import (
     fill_gaps,
     oe_initial_estimates,
 )
-from sysid.polynomial.orders import Orders
+from sysid.polynomial.orders import NO_TREND, Orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, directions
 from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, search
+from sysid.polynomial.trends import LINE, OFFSET, level
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -63,7 +64,13 @@ SLOW = 100.0
 """EBIC by which a candidate with slow modes must be better than any without: models of the noise come within some tens
 of one that follows a disturbance, and nowhere near a plant that integrates."""
 
+INTEGRATES = 10.0
+"""Records that the time constant of a slow mode must last to count as an integrator, whose state is a constant."""
+
 DEVIATIONS = 4.0  # of the modulus of a pole outside the unit circle, from which on a plant counts as unstable
+
+TREND_WORDS: Mapping[int, str] = {NO_TREND: "", OFFSET: " offset", LINE: " trend"}
+"""Trends of candidates, as their text shows them."""
 
 ORDERS: Mapping[str, tuple[str, ...]] = {
     "arx": ("na", "nb", "nk"),
@@ -99,6 +106,9 @@ class Candidate:
         drive: Least evidence that the input drives its slow modes, see `least_drive`; infinite where there are none.
         excess: Distance of the outermost pole beyond the unit circle, in its standard deviations; negative inside.
         transients: Parameters that its initial states are worth on the samples that are compared.
+        trend: Degree of the trend of the output in it, see `Orders`.
+        vague_offset: Whether it has a constant beside an integrating mode: far away, the two together are a straight
+            line, and a level that means nothing.
     """
 
     method: str
@@ -111,15 +121,25 @@ class Candidate:
     drive: float = np.inf
     excess: float = -np.inf
     transients: float = 0.0
+    trend: int = NO_TREND
+    vague_offset: bool = False
 
     def __str__(self) -> str:
         """Method and orders."""
         orders = " ".join(f"{name}={order}" for name, order in self.orders.items())
-        return f"{self.method} {orders}"
+        return f"{self.method} {orders}{TREND_WORDS[self.trend]}"
+
+    @property
+    def trend_options(self) -> dict[str, bool]:
+        """Options of the estimator for the trend; none where it needs none."""
+        options = {OFFSET: {"offset": True}, LINE: {"trend": True}}
+        return options.get(self.trend, {})
 
     @property
     def remark(self) -> str:
         """Whether the model is unstable or nearly so, and whether the input drives its slow modes; empty if not."""
+        if self.vague_offset:
+            return "a constant beside an integrator"
         if not self.drive >= DRIVEN:
             return "follows a disturbance by a slow mode"
         if self.radius >= 1.0:
@@ -161,10 +181,19 @@ class StructureSearch:
         exact: Whether a candidate fits but for rounding.
         direct: Whether state-space models have a direct term.
         samples: Samples on which all are compared.
+        trends: Degrees of trends of the output that are tried, the first at the beginning.
     """
 
-    def __init__(self, experiments: Experiments, validation: Experiments, largest: int, methods: Sequence[str]) -> None:
+    def __init__(
+        self,
+        experiments: Experiments,
+        validation: Experiments,
+        largest: int,
+        methods: Sequence[str],
+        trends: Sequence[int] = (NO_TREND,),
+    ) -> None:
         self.experiments, self.validation = experiments, validation
+        self.trends = trends
         self.largest, self.methods = largest, methods
         self.candidates: list[Candidate] = []
         self.fits: dict[Orders, Fit] = {}
@@ -173,11 +202,7 @@ class StructureSearch:
         self.direct = True
         self._output_power = mean_square(np.concatenate([e.y[e.known.all(axis=1)] for e in experiments]))
         self._floor = _variance_of_rounding(experiments)
-        # initial estimates need complete outputs
-        nu = experiments[0].nu
-        gaps = experiments[0].ny == 1 and not all(e.complete for e in experiments)
-        filling = Orders(FILLING, (FILLING,) * nu, 0, 0, (0,) * nu, (1,) * nu)
-        self._filled = fill_gaps(experiments, filling) if gaps else experiments
+        self._for_starts: dict[int, Experiments] = {}
         self.slow_radius = slow_radius(max(map(len, experiments)))
         # longest initial transient of all candidates
         transient = 2 * largest
@@ -195,7 +220,7 @@ class StructureSearch:
             best_by_method = {name: min(self._criteria([name]), default=limit) for name in ORDERS}
             for name, best in best_by_method.items():
                 if name in self.methods and best <= limit:
-                    ladder = [_rising_orders(name, n, nk) for n in range(1, self.largest + 1)]
+                    ladder = [_rising_orders(name, n, nk, self.trends[0]) for n in range(1, self.largest + 1)]
                     self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
@@ -215,7 +240,8 @@ class StructureSearch:
                 # a pair of poles is no change of a single order
                 degree = max(fit.orders.na, *fit.orders.nf)
                 for n in range(degree + 1, min(degree + PATIENCE, self.largest) + 1):
-                    self.try_orders(_rising_orders(fit.candidate.method, n, fit.orders.nk))
+                    rising = _rising_orders(fit.candidate.method, n, fit.orders.nk, fit.orders.trend)
+                    self.try_orders(rising)
         for family in FAMILIES:
             self._refine(family, shortest)
 
@@ -245,10 +271,13 @@ class StructureSearch:
             return
         best = min(fits, key=self.criterion_of_fit)
         names = set(chain.from_iterable(ORDERS[method] for method in family if method in self.methods))
+        if len(self.trends) > 1:
+            names.add("trend")
         for _ in range(REFINED):
             neighbours = []
             for orders in _neighbours(best.orders, names):
-                if np.all(np.greater_equal(orders.nk, shortest)) and _structure_of(orders) in self.methods:
+                allowed = _structure_of(orders) in self.methods and orders.trend in self.trends
+                if allowed and np.all(np.greater_equal(orders.nk, shortest)):
                     neighbours.append(orders)
             for orders in neighbours:
                 self.try_orders(orders, best)
@@ -308,6 +337,7 @@ class StructureSearch:
             drive=least_drive(at, orders, errors, self.slow_radius),
             excess=_excess(at, orders),
             transients=transients,
+            trend=orders.trend,
         )
         self.fits[orders] = Fit(orders, theta, candidate)
         return candidate
@@ -321,7 +351,17 @@ class StructureSearch:
         if base is not None:
             yield InitialEstimate("base", _resized_parameters(base, orders))
             return
-        yield from islice(_independent_starts(self._filled, orders), STARTS)
+        yield from islice(_independent_starts(self._records_for_starts(orders.trend), orders), STARTS)
+
+    def _records_for_starts(self, trend: int) -> Experiments:
+        """Complete records without trends of this degree: initial estimates know neither gaps nor trends."""
+        if trend not in self._for_starts:
+            experiments, nu = self.experiments, self.experiments[0].nu
+            filling = Orders(FILLING, (FILLING,) * nu, 0, 0, (0,) * nu, (1,) * nu, trend)
+            if trend != NO_TREND:
+                experiments = level(experiments, trend).experiments
+            self._for_starts[trend] = fill_gaps(experiments, filling)
+        return self._for_starts[trend]
 
     def _record_candidate(
         self,
@@ -334,6 +374,7 @@ class StructureSearch:
         drive: float = np.inf,
         excess: float = -np.inf,
         transients: float = 0.0,
+        trend: int = NO_TREND,
     ) -> Candidate:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
@@ -345,10 +386,25 @@ class StructureSearch:
         rounding = max(EXACT * self._output_power, np.finfo(float).tiny)
         self.exact = self.exact or loss <= rounding
         likelihood = self.samples * compared.shape[1] * np.log(max(innovations, rounding, self._floor))
-        ebic = float(likelihood + (count + transients + coefficients) * (np.log(self.samples) + SEARCHED))
+        count_of_all = count + transients + coefficients + (trend + 1) * len(self.experiments)
+        ebic = float(likelihood + count_of_all * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
         error = self._validation_error(path)
-        candidate = Candidate(method, orders, count, loss, ebic, error, radius, drive, excess, transients)
+        integrates = abs(radius - 1.0) < 1.0 / (INTEGRATES * max(map(len, self.experiments)))
+        candidate = Candidate(
+            method,
+            orders,
+            count,
+            loss,
+            ebic,
+            error,
+            radius,
+            drive,
+            excess,
+            transients,
+            trend,
+            vague_offset=trend == OFFSET and integrates,
+        )
         self.candidates.append(candidate)
         return candidate
 
@@ -373,7 +429,11 @@ class StructureSearch:
         """Criterion, the less the better: the validation error, else EBIC; infinite for what may not be chosen."""
         if candidate is None or not candidate.eligible:
             return np.inf
-        return candidate.validation if self.validation else candidate.ebic + SLOW * np.isfinite(candidate.drive)
+        if self.validation:
+            return candidate.validation
+        # it makes way for a straight line in its place, and for nothing else
+        handicaps = float(np.isfinite(candidate.drive)) + float(candidate.vague_offset)
+        return candidate.ebic + SLOW * handicaps
 
     def ranked(self) -> tuple[Candidate, ...]:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
@@ -387,16 +447,16 @@ def complete_parts(experiments: Experiments) -> list[IOData]:
     return list(chain.from_iterable(e.complete_parts() for e in experiments))
 
 
-def _rising_orders(structure: str, n: int, nk: tuple[int, ...]) -> Orders:
+def _rising_orders(structure: str, n: int, nk: tuple[int, ...], trend: int) -> Orders:
     """Orders of a structure whose dynamics have degree n, with n coefficients of each B."""
     by_input, none = (n,) * len(nk), (0,) * len(nk)
     if structure == "arx":
-        return Orders(n, by_input, 0, 0, none, nk)
+        return Orders(n, by_input, 0, 0, none, nk, trend)
     if structure == "armax":
-        return Orders(n, by_input, n, 0, none, nk)
+        return Orders(n, by_input, n, 0, none, nk, trend)
     if structure == "oe":
-        return Orders(0, by_input, 0, 0, by_input, nk)
-    return Orders(0, by_input, DISTURBANCE, DISTURBANCE, by_input, nk)
+        return Orders(0, by_input, 0, 0, by_input, nk, trend)
+    return Orders(0, by_input, DISTURBANCE, DISTURBANCE, by_input, nk, trend)
 
 
 def _independent_starts(experiments: Experiments, orders: Orders) -> Iterator[InitialEstimate]:
