@@ -36,6 +36,9 @@ BEST = 8
 ROUNDING = 1e-12
 """Means below it are what the subtraction of a mean leaves of zero."""
 
+LASTING = 10.0
+"""Records that the time constant of a mode must last to count as an integrator."""
+
 INTEGRATES = 1e9
 """Gain at 0 Hz from which on a path counts as an integrator, which rounding gives a finite one."""
 
@@ -140,7 +143,7 @@ def _undetermined(fitted: FittedModel) -> str:
         return ""
     magnitude = np.abs(response.response)
     deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
-    gains = fitted.estimate.dc_gain()
+    integrates = _integrates(fitted)
     for (i, j), value in np.ndenumerate(magnitude[0]):
         path = ""
         if value.size < magnitude[0].size:
@@ -156,10 +159,19 @@ def _undetermined(fitted: FittedModel) -> str:
                 f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz; a longer record, "
                 "or more of the input at these frequencies, would tell"
             )
-        integrates = not abs(gains[i, j]) < INTEGRATES
-        if claim.refused and not integrates and value >= OPEN * magnitude[:, i].max():
+        if claim.refused and not integrates and value >= SMALL * magnitude[:, i].max():
             return f"{claim.warnings[0]}{path}; a record whose input excites these frequencies would tell"
     return ""
+
+
+def _integrates(fitted: FittedModel) -> bool:
+    """Whether a mode of the model lasts so much longer than the records that it is an integrator for them.
+
+    Gain at 0 Hz and bandwidth of such a model mean nothing, and nothing depends on them.
+    """
+    longest = max(map(len, fitted.parts))
+    distances = np.abs(fitted.estimate.poles() - 1.0)
+    return bool((distances < 1.0 / (LASTING * longest)).any())
 
 
 def model_rows(result: Identification) -> list[tuple[str, str]]:

@@ -27,7 +27,8 @@ FIRST_LENGTH = 256  # samples after which most transients have died out
 NEGLIGIBLE = 1e-17  # tail of a transient, relative to its largest value, that rounding hides
 DIED = 1e-60  # of a transient, relative to its largest value: no sum with any signal keeps a digit of it
 DEPENDENT_TRANSIENTS = 1e-12  # singular value, relative to the largest, that rounding makes of zero
-VANISHED = 1e-10  # error by a trend of unit size that is none
+VANISHED = 1e-10  # error by a line of unit size that is rounding
+VANISHED_CONSTANT = 1e-4  # error by a constant of one that hardly tells it: any level would do
 STEP = 1e-5  # of the coefficients, for difference quotients of the small matrices of backcasting
 
 
@@ -104,8 +105,15 @@ def _jacobian_beside_trend(
 
 
 def _without_vanished(caused: FloatArray) -> FloatArray:
-    """The errors (rows, k) that terms of a trend cause; zero where rounding alone remains, as behind a root at one."""
-    caused[:, np.sqrt(np.mean(caused**2, axis=0)) < VANISHED] = 0.0
+    """The errors (rows, k) that terms of a trend cause; zero where a term shows no more.
+
+    Behind a root at one a constant is the free state of an integrator, and a line is a constant in its input: that one
+    causes little, and yet all of a drift.
+    """
+    sizes = np.sqrt(np.mean(caused**2, axis=0))
+    for term, size in enumerate(sizes):
+        if size < (VANISHED_CONSTANT if term == 0 else VANISHED):
+            caused[:, term] = 0.0
     return caused
 
 
@@ -134,7 +142,7 @@ def _free_conditions_jacobian(
     corrected = v[start:]
     outputs = [response[start:] for response in responses]
     basis = None
-    trend = np.zeros(0)
+    trend = np.zeros(orders.trend_terms)
     free = transients
     if orders.trend_terms:
         terms = trend_terms(orders.trend, len(y))

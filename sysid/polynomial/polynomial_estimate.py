@@ -180,7 +180,6 @@ COLOUR = 30  # highest order of the autoregressive model of a coloured disturban
 ROWS_PER_COEFFICIENT = 20  # least number of errors per coefficient of that model
 LONG = 100_000  # samples beyond which stretches of the records are searched first
 MEMORY = 8.0  # time constants of a root of C or D in a record, up to which intervals are known to fail
-LEVEL_SHOWS = 1e-4  # mean error by a constant of one in the output, above which it is determined
 EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 
@@ -268,13 +267,7 @@ def trends_of_outputs(
     theta: FloatArray,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> list[FloatArray]:
-    """Trend of the output (N_i,) of each experiment that explains most of the errors of a model.
-
-    Behind a root of A or D near one an output has no level: any would do, and rounding or noise would choose.
-    """
-    a, _, c, d, _ = orders.split(theta)
-    if abs(a.sum() * d.sum()) <= LEVEL_SHOWS * abs(c.sum()):
-        return [np.zeros(len(experiment)) for experiment in experiments]
+    """Trend of the output (N_i,) of each experiment that explains most of the errors of a model."""
     trends = []
     for experiment in experiments:
         jacobian = error_jacobian if experiment.complete else gapped_error_jacobian

@@ -276,8 +276,10 @@ def _trends(experiments: Experiments, offset: bool | None, trend: bool | None) -
     if offset:
         return tuple(tried)
     tried.insert(0, NO_TREND)
-    best = best_degree(complete_parts(experiments), SEARCHED)
-    first = best if best in tried else tried[-1]
+    # a constant in the equation of an integrator is a line in its output: the search begins with that, and a line that
+    # is not needed goes with the other superfluous parameters
+    needs_none = best_degree(complete_parts(experiments), SEARCHED) == NO_TREND
+    first = NO_TREND if needs_none else tried[-1]
     return (first, *(degree for degree in tried if degree != first))
 
 
