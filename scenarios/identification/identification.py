@@ -23,6 +23,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
 from sysid.validation.input_independence import LIMIT, input_independence
+from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
 from sysid.validation.structure_scan import Order
 
 if TYPE_CHECKING:
@@ -71,6 +72,7 @@ class Identification:
         cautions: What the choice of the model could not tell from the record, for which no verdict calls it sufficient.
         rounded: Whether the residuals of each output are no larger than the rounding of its values, as by an encoder
             (ny,): they are then a function of the output, and hence of the input, of a true model too.
+        nonlinearity: Test of nonlinear dependence on the input, on the records of the fit; None of unstable models.
     """
 
     fitted: FittedModel
@@ -81,6 +83,16 @@ class Identification:
     warnings: tuple[str, ...]
     cautions: tuple[str, ...] = ()
     rounded: tuple[bool, ...] = ()
+    nonlinearity: NonlinearityTest | None = None
+
+    @property
+    def nonlinear(self) -> tuple[int, ...]:
+        """Numbers of the outputs that depend nonlinearly on the input, so that it matters; rounding is none."""
+        if self.nonlinearity is None:
+            return ()
+        rounded = self.rounded or (False,) * len(self.nonlinearity.kinds)
+        materials = zip(self.nonlinearity.material.tolist(), rounded, strict=True)
+        return tuple(i for i, (is_material, is_rounded) in enumerate(materials) if is_material and not is_rounded)
 
     @property
     def depends_on_input(self) -> bool:
@@ -89,6 +101,16 @@ class Identification:
             return False
         explained = np.array(self.rounded) if self.rounded else np.zeros(len(self.test.independent), dtype=bool)
         return bool((~self.test.independent.all(axis=1) & ~explained).any())
+
+    def _nonlinearity_record(self) -> dict[str, object] | None:
+        """Test of nonlinear dependence on the input, per output."""
+        test = self.nonlinearity
+        if test is None:
+            return None
+        outputs = range(len(test.kinds))
+        kinds = [test.kinds[i] if i in self.nonlinear else "" for i in outputs]
+        seen = [i in self.nonlinear for i in outputs]
+        return {"seen": seen, "p": test.p_values, "distortion": test.distortion, "kind": kinds}
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb identify --json` prints of it; of a single path numbers, else rows of outputs."""
@@ -118,6 +140,7 @@ class Identification:
             "aic": model.aic,
             "bic": model.bic,
             "residuals": residuals,
+            "nonlinearity": self._nonlinearity_record(),
             "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
             "samples": sum(map(len, fitted.parts)),
             "dt": first.dt,
@@ -245,7 +268,16 @@ def identify(
         except SysidError as error:
             untested = str(error)
     remarks = _remarks(fitted, judged_on_own_records=check is None)
-    return Identification(fitted, checked, fit, test, untested, remarks, rounded=_rounded(records, test))
+    return Identification(
+        fitted,
+        checked,
+        fit,
+        test,
+        untested,
+        remarks,
+        rounded=_rounded(records, test),
+        nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
+    )
 
 
 def _rounded(records: Sequence[IOData], test: ResidualTest | None) -> tuple[bool, ...]:

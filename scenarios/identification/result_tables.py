@@ -14,6 +14,7 @@ from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray
 from sysid.records.printing import AT_ZERO, poles_table
+from sysid.validation.joint_nonlinearity import SATURATION
 
 LISTED = 24
 """Most parameters that are listed one by one."""
@@ -82,6 +83,31 @@ def _parameter_table(model: Estimate) -> ResultTable:
     return ResultTable("Parameters", ("", "value", "standard deviation"), tuple(rows))
 
 
+_DEPENDENT = "the residuals still depend on the input, as beside nonlinearity, feedback, low orders or another delay"
+
+_OTHER_AMPLITUDE = {
+    SATURATION: "a smaller amplitude, at which it matters less",
+    "": "another amplitude, at which a linear model would be the same",
+}
+"""What to repeat a record at, by the kind of nonlinearity; hysteresis matters less at larger amplitudes."""
+
+
+def _nonlinearity_in_words(result: Identification) -> str:
+    """What the residuals show of nonlinearity, and what to do."""
+    test, names = result.nonlinearity, result.fitted.parts[0].output_names or ()
+    if test is None:
+        return ""
+    worst = max(result.nonlinear, key=lambda i: float(test.distortion[i]))
+    subject = "the output depends" if len(names) < 2 else f"{names[worst]} depends"
+    kind = test.kinds[worst]
+    likeness = f", as with {kind}" if kind else ""
+    advice = _OTHER_AMPLITUDE.get(kind, "a larger amplitude, at which it matters less")
+    return (
+        f"{subject} nonlinearly on the input{likeness} ({100.0 * test.distortion[worst]:.2g} % of it, "
+        f"p = {test.p_values[worst]:.2g}): gain and bandwidth are those of this amplitude alone; repeat at {advice}"
+    )
+
+
 def verdict(result: Identification) -> str:
     """Whether residual tests and simulation accept the model, and how much of the output it simulates.
 
@@ -97,10 +123,10 @@ def verdict(result: Identification) -> str:
         return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fits}, below 0 %"
     if result.test is None:
         return f"residuals not tested; simulated fit {fits}"
-    if result.depends_on_input:
-        words = (
-            "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
-        )
+    if result.nonlinear:
+        words = f"not sufficient: {_nonlinearity_in_words(result)}"
+    elif result.depends_on_input:
+        words = f"not sufficient: {_DEPENDENT}"
     elif result.cautions:
         words = f"undecided: {'; '.join(result.cautions)}"
     elif _undetermined(result.fitted):
@@ -120,9 +146,7 @@ def _verdict_of_unstable(result: Identification) -> str:
     if result.test is None:
         words = "residuals not tested"
     elif result.depends_on_input:
-        words = (
-            "not sufficient: the residuals still depend on the input, as beside nonlinearity, feedback or low orders"
-        )
+        words = f"not sufficient: {_DEPENDENT}"
     elif not float(np.min(result.fit.one_step)) >= SUFFICIENT:
         words = f"undecided: the residuals do not depend on the input, but the fit is below {SUFFICIENT:g} %"
     else:
@@ -187,6 +211,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         *_bandwidth_rows(fitted),
         *_noise_rows(fitted.estimate, unit),
         *_residual_rows(result.test, result.untested),
+        *_nonlinearity_rows(result),
     ]
 
 
@@ -257,6 +282,21 @@ def _residual_rows(test: ResidualTest | None, untested: str) -> list[tuple[str, 
             _test_outcomes(test.independent, test.independence_p) + ", tested on whitened residuals",
         ),
     ]
+
+
+def _nonlinearity_rows(result: Identification) -> list[tuple[str, str]]:
+    """Outcome of the test of nonlinear dependence on the input, of each output."""
+    test = result.nonlinearity
+    if test is None or not np.isfinite(test.p_values).any():
+        return []
+    outcomes = []
+    for i, (p, distortion, kind) in enumerate(zip(test.p_values, test.distortion, test.kinds, strict=True)):
+        if i in result.nonlinear:
+            likeness = f"like {kind}, " if kind else ""
+            outcomes.append(f"yes ({likeness}{100.0 * distortion:.2g} % of the output, p = {p:.2g})")
+        else:
+            outcomes.append(f"no (p = {p:.2g}, at most {100.0 * distortion:.2g} % of the output)")
+    return [("residuals nonlinear in the input", ", ".join(outcomes))]
 
 
 def _test_outcomes(passed: np.ndarray, p_values: np.ndarray) -> str:

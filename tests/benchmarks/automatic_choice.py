@@ -4,8 +4,9 @@
 
 Each kind is a situation that misleads a choice of orders. The plant is drawn anew for every record. An answer is right
 if gain and bandwidth of its model are within 20 % of the plant's; of an integrator the position of its pole and the
-slope count, of an unstable plant its unstable pole. Counted are answers that a verdict calls sufficient and that are
-right, those that are wrong, and those that the verdict withholds.
+slope count, of an unstable plant its unstable pole. Of a joint with friction, play or saturation no linear model is
+right, and none whose bandwidth lies far above what the input excites. Counted are answers that a verdict calls
+sufficient and that are right, those that are wrong, and those that the verdict withholds.
 """
 
 import argparse
@@ -22,9 +23,11 @@ from scenarios.identification.order_choice import choose_and_identify, hold_out
 from scenarios.identification.result_tables import verdict
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
+from tests.benchmarks.nonlinear_joints import drawn_servo, joint, stiff_servo
 
 SAMPLES, DT = 600, 0.02
 TOLERANCE = 0.2  # of gain and bandwidth, relative
+FAR = 1.5  # bandwidth, relative to the highest frequency of the input, from which on a record cannot tell it
 POLE = 0.01  # of an integrating or unstable pole, absolute
 
 FloatArray = np.ndarray
@@ -36,6 +39,10 @@ class Plant:
 
     B: FloatArray
     F: FloatArray
+    dt: float = DT
+    is_linear: bool = True
+    highest: float = np.inf
+    """Highest frequency that the input excites, Hz: of a bandwidth far above it nothing is known."""
 
     @property
     def outermost(self) -> float:
@@ -50,10 +57,12 @@ class Plant:
     @property
     def bandwidth(self) -> float:
         """Half-power bandwidth, Hz."""
-        return float(innovations_form(Polynomials(B=self.B, F=self.F), DT).bandwidth()[0, 0])
+        return float(innovations_form(Polynomials(B=self.B, F=self.F), self.dt).bandwidth()[0, 0])
 
     def finds(self, model) -> bool:
         """Whether a model is right about it."""
+        if not self.is_linear or self.bandwidth > FAR * self.highest:
+            return False
         poles = np.abs(model.poles()).max(initial=0.0)
         if self.outermost > 1.0 - 1e-9:
             return bool(abs(poles - self.outermost) < POLE)
@@ -176,6 +185,57 @@ def step_test(rng: np.random.Generator) -> tuple[Plant, tuple[IOData, ...]]:
     return plant, (IOData(u, y + 3.0 + 0.02 * rng.standard_normal(SAMPLES), DT),)
 
 
+def joint_with(kind: str) -> Kind:
+    """Joints with a nonlinearity, or none."""
+
+    def draw(rng: np.random.Generator) -> tuple[Plant, tuple[IOData, ...]]:
+        servo, record = joint(rng, kind)
+        return Plant(*servo.discrete(record.dt), record.dt, is_linear=kind == "linear"), (record,)
+
+    return draw
+
+
+def robot(rng: np.random.Generator) -> tuple[Plant, tuple[IOData, ...]]:
+    """A stiff servo under smooth commands at high rate, its noise coloured by the arm."""
+    servo, record, highest = stiff_servo(rng)
+    b, a = servo.discrete(record.dt)
+    return Plant(b, a, record.dt, highest=highest), (record,)
+
+
+def excited_by(command: Callable[[np.random.Generator, FloatArray, float], tuple[FloatArray, float]]) -> Kind:
+    """Servos at 100 Hz with quiet encoders under a command of limited band, which the function draws with its end."""
+
+    def draw(rng: np.random.Generator) -> tuple[Plant, tuple[IOData, ...]]:
+        servo, time = drawn_servo(rng), 0.01 * np.arange(3000)
+        hz = servo.natural / (2 * np.pi)
+        u, highest = command(rng, time, hz)
+        b, a = servo.discrete(0.01)
+        y = lfilter(b, a, u) + 10.0 ** rng.uniform(-4.0, -2.0) * rng.standard_normal(len(u))
+        return Plant(b, a, 0.01, highest=highest), (IOData(u, y, 0.01),)
+
+    return draw
+
+
+def chirp(rng: np.random.Generator, time: FloatArray, hz: float) -> tuple[FloatArray, float]:
+    """A linear sweep over the whole record, to beyond the servo's frequency."""
+    first, last = rng.uniform(0.05, 0.2), hz * rng.uniform(1.5, 4.0)
+    return np.sin(2 * np.pi * (first * time + 0.5 * (last - first) / time[-1] * time**2)), last
+
+
+def tones(rng: np.random.Generator, time: FloatArray, hz: float) -> tuple[FloatArray, float]:
+    """Twelve tones, the last beyond the servo's frequency."""
+    last = hz * rng.uniform(1.2, 3.0)
+    u = sum(np.sin(2 * np.pi * last * k / 12 * time + rng.uniform(0, 6)) for k in range(1, 13))
+    return u / np.abs(u).max(), last
+
+
+def slow_commands(rng: np.random.Generator, time: FloatArray, hz: float) -> tuple[FloatArray, float]:
+    """Twelve tones far below the servo's frequency."""
+    last = hz * rng.uniform(0.1, 0.4)
+    u = sum(np.sin(2 * np.pi * last * k / 12 * time + rng.uniform(0, 6)) / k for k in range(1, 13))
+    return u / np.abs(u).max(), last
+
+
 KINDS: dict[str, Kind] = {
     "clean": disturbed(lambda rng, t: np.zeros(len(t)), 0.0),
     "ramp": disturbed(lambda rng, t: t.astype(float), 0.3),
@@ -189,6 +249,14 @@ KINDS: dict[str, Kind] = {
     "feedback": feedback,
     "several runs": several,
     "step test": step_test,
+    "linear joint": joint_with("linear"),
+    "friction": joint_with("friction"),
+    "play": joint_with("play"),
+    "saturation": joint_with("saturation"),
+    "stiff servo": robot,
+    "chirp": excited_by(chirp),
+    "tones": excited_by(tones),
+    "slow commands": excited_by(slow_commands),
 }
 
 

@@ -1,0 +1,87 @@
+"""Joints with known nonlinearity, integrated by independent equations, and linear systems with coloured noise."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, arx, bj, n4sid, oe
+from sysid.validation.joint_nonlinearity import play, stop
+from sysid.validation.nonlinearity import nonlinearity
+from tests.benchmarks.nonlinear_joints import joint
+
+
+def test_play_follows_at_its_half_width():
+    signal = np.array([0.0, 1.0, 3.0, 2.5, 1.0, -2.0])
+    np.testing.assert_allclose(play(signal, 0.5), [0.0, 0.5, 2.5, 2.5, 1.5, -1.5])
+    np.testing.assert_allclose(play(signal, 0.5) + stop(signal, 0.5), signal)
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [("friction", "dry friction"), ("play", "play"), ("saturation", "saturation")]
+)
+def test_the_nonlinearity_of_a_joint_is_seen_and_named(kind, name):
+    for seed in (0, 6, 10):
+        _, record = joint(np.random.default_rng([101, seed]), kind)
+        record = record.detrend()
+        test = nonlinearity(oe(record, 2, 2, 1), [record])
+        assert test.material.all()
+        assert test.p_values[0] < 1e-6
+        assert test.kinds == (name,)
+
+
+def test_a_linear_servo_is_not_called_nonlinear():
+    for seed in range(5):
+        _, record = joint(np.random.default_rng([101, seed]), "linear")
+        record = record.detrend()
+        assert not nonlinearity(oe(record, 2, 2, 1), [record]).material.any()
+
+
+def linear_record(rng, noise):
+    u = np.repeat(rng.choice([-1.0, 1.0], 160), 5)
+    return IOData(u, lfilter([0, 0.1, 0.05], [1, -1.5, 0.65], u) + noise, 0.02).detrend()
+
+
+def test_few_linear_records_with_coloured_noise_are_called_nonlinear():
+    """A level of 0.99 allows one in a hundred; 6 of 150 have a probability of 0.2 %."""
+    alarms = 0
+    for seed in range(150):
+        rng = np.random.default_rng([7, seed])
+        noise = 0.1 * lfilter([1.0, 0.5], [1.0, -0.9], rng.standard_normal(800))
+        record = linear_record(rng, noise)
+        test = nonlinearity(arx(record, 10, 10, 1), [record], level=0.99)
+        alarms += test.p_values[0] < 0.01
+    assert alarms <= 5
+
+
+def test_feedback_is_no_nonlinearity():
+    """A controller that reads the output makes the input depend on past noise."""
+    rng, x, u, y = np.random.default_rng(3), 0.0, [], []
+    noise = lfilter([1.0], [1.0, -0.9], 0.05 * rng.standard_normal(1200))
+    for request, disturbance in zip(np.repeat(rng.choice([-1.0, 1.0], 60), 20), noise, strict=True):
+        y.append(x + disturbance)
+        u.append(0.8 * (request - y[-1]))
+        x = 0.8 * x + 0.3 * u[-1]
+    record = IOData(u, y, 0.02).detrend()
+    assert not nonlinearity(bj(record, 1, 1, 1, 1, 1), [record]).material.any()
+
+
+def test_only_the_output_behind_play_is_called_nonlinear():
+    rng = np.random.default_rng(5)
+    u = np.column_stack([np.repeat(rng.choice([-1.0, 1.0], 200), 8), np.repeat(rng.choice([-1.0, 1.0], 320), 5)])
+    first = lfilter([0, 0.2], [1, -0.8], u[:, 0]) + lfilter([0, 0.05], [1, -0.9], u[:, 1])
+    second = lfilter([0, 0.3], [1, -0.7], u[:, 1])
+    y = np.column_stack([play(first, 0.2), second]) + 1e-3 * rng.standard_normal((1600, 2))
+    record = IOData(u, y, 0.02).detrend()
+    test = nonlinearity(n4sid(record, 3, stable=True), [record])
+    assert test.material.tolist() == [True, False]
+
+
+def test_unstable_models_and_short_records_are_not_tested():
+    rng = np.random.default_rng(6)
+    record = linear_record(rng, 0.01 * rng.standard_normal(800))
+    estimate = arx(record, 2, 2, 1)
+    short = nonlinearity(estimate, [record[:100]])
+    assert np.isnan(short.p_values).all()
+    assert not short.material.any()
+    growing = IOData(record.u, 1.01 ** np.arange(800), 0.02)
+    assert nonlinearity(arx(growing, 1, 1, 1), [growing]) is None
