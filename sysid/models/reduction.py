@@ -1,8 +1,10 @@
 """Simpler models: fewer states, or the delays taken out."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import as_model
@@ -126,11 +128,35 @@ def add_delay(model: StateSpace, samples: int) -> StateSpace:
     Returns:
         The model, its noise model unchanged.
     """
-    for _ in range(samples):
-        n, nu, ny = model.order, model.nu, model.ny
-        A = np.block([[model.A, model.B], [np.zeros((nu, n + nu))]])
-        B = np.vstack((np.zeros((n, nu)), np.eye(nu)))
-        C = np.hstack((model.C, model.D))
-        K = None if model.K is None else np.vstack((model.K, np.zeros((nu, ny))))
-        model = StateSpace(A, B, C, np.zeros((ny, nu)), K, model.dt, model.innovation_covariance)
-    return model
+    return delayed_inputs(model, (samples,) * model.nu)
+
+
+def delayed_inputs(model: StateSpace, delays: Sequence[int]) -> StateSpace:
+    """Delay every input of a model by samples of its own, with a state for each of them.
+
+    Args:
+        model: A model.
+        delays: Samples of further delay of each input (nu,).
+
+    Returns:
+        The model, its noise model and the names of its channels unchanged.
+    """
+    past = sum(delays)
+    if not past:
+        return model
+    n, first = model.order, model.order
+    A = scipy.linalg.block_diag(model.A, np.zeros((past, past)))
+    B, D = np.vstack((model.B, np.zeros((past, model.nu)))), model.D.copy()
+    C = np.hstack((model.C, np.zeros((model.ny, past))))
+    for j, delay in enumerate(delays):
+        if not delay:
+            continue
+        # past inputs are states: u(t - 1), ..., u(t - delay), the last of which acts as u(t) did
+        last = first + delay - 1
+        A[first + 1 : last + 1, first:last] = np.eye(delay - 1)
+        A[:n, last], C[:, last] = model.B[:, j], model.D[:, j]
+        B[:, j], D[:, j] = 0.0, 0.0
+        B[first, j] = 1.0
+        first += delay
+    K = None if model.K is None else np.vstack((model.K, np.zeros((past, model.ny))))
+    return replace(model, A=A, B=B, C=C, D=D, K=K)

@@ -17,6 +17,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import Message, SysidError, warn_each
 from sysid.subspace.gaps import estimate_with_gaps
+from sysid.subspace.input_delays import input_delays, with_input_delays
 from sysid.subspace.predictor import Predictor, Record, Scales, input_coordinates, local_coordinates
 from sysid.subspace.predictor_errors import Point
 from sysid.subspace.predictor_estimate import check_enough_samples, check_gain, make_predictor_estimate
@@ -210,6 +211,7 @@ def n4sid(
     data: IOData | Sequence[IOData],
     order: int,
     *,
+    nk: int | Sequence[int] = 0,
     block_rows: int | None = None,
     direct: bool = True,
     gain: bool = True,
@@ -226,7 +228,11 @@ def n4sid(
     Args:
         data: One experiment, or several that share the model; any numbers of inputs (none: a time series) and outputs.
             Missing outputs are filled by their conditional means under the model, in several rounds.
-        order: Number of states, 60 at most.
+        order: Number of states, 60 at most; those of delays come on top.
+        nk: Known delay of all inputs, or of each, in samples, MATLAB's InputDelay: y(t) depends on u(t - nk) and
+            earlier inputs, with `direct=False` on those before. The inputs are shifted before the estimation, and the
+            model has the delays as further states. The inputs before a record are not known: of each experiment the
+            first max(nk) samples serve as the past alone, and have no residual (NaN).
         block_rows: Samples of past, and of future; by default 2.5 times the order, at least 10. If the model of this
             horizon is slow, a quarter of its slowest time constant, up to three times as many. Short data allow fewer.
         direct: Whether D is estimated; otherwise it is zero. Beside feedback without delay, D would be that of the
@@ -243,21 +249,24 @@ def n4sid(
         the move).
 
     Raises:
-        SysidError: Constant input, an order that block rows or data do not allow.
+        SysidError: Constant input, an order that block rows or data do not allow, delays that do not fit.
 
     Warns:
         SysidWarning: Poor excitation, means that do not fit the dynamics, an order beyond the rank of the data, an
             unstable model.
     """
     experiments = as_experiments(data, missing=True, series=True)
+
+    def fit(records: Sequence[IOData], gain: bool) -> Estimate:
+        return n4sid(
+            records, order, block_rows=block_rows, direct=direct, gain=gain, stable=stable, weighting=weighting
+        )
+
+    delays = input_delays(nk, experiments)
+    if any(delays):
+        return with_input_delays(partial(fit, gain=gain), experiments, delays)
     if not all(e.complete for e in experiments):
-
-        def fit_filled(filled: Sequence[IOData], gain: bool) -> Estimate:
-            return n4sid(
-                filled, order, block_rows=block_rows, direct=direct, gain=gain, stable=stable, weighting=weighting
-            )
-
-        return estimate_with_gaps(fit_filled, experiments, truth_value("gain", gain))
+        return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
     nu, ny = experiments[0].nu, experiments[0].ny
     order = whole_number("order", order, 1, LARGEST_ORDER)
     direct, gain, stable = truth_value("direct", direct), truth_value("gain", gain), truth_value("stable", stable)

@@ -20,6 +20,7 @@ from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.subspace.input_delays import Delays, delays_of, input_delays, with_input_delays, without_delays
 from sysid.subspace.n4sid import n4sid
 from sysid.subspace.observer_gain import spectral_radius, stable_gain
 from sysid.subspace.okid import okid
@@ -77,6 +78,7 @@ def pem_ss(
     data: IOData | Sequence[IOData],
     start: int | Estimate | StateSpace | Sequence[Estimate | StateSpace],
     *,
+    nk: int | Sequence[int] | None = None,
     direct: bool = True,
     gain: bool = True,
     coloured: bool = False,
@@ -110,6 +112,9 @@ def pem_ss(
             With missing outputs, the likelihood of the known ones is maximised; `n4sid` or `armax` give a start.
         start: Initial estimate by `n4sid`, `okid` or any other method, or a model; or several of one order. A number is
             the order of an `n4sid` to start from.
+        nk: Known delay of all inputs, or of each, in samples, as in `n4sid`. The order is without the delays: a model
+            as start is one of the delayed inputs. None takes the delays of a start that was estimated with `nk`, else
+            none.
         direct: Whether D is estimated; otherwise it is zero. Beside feedback without delay, D would be that of the
             controller: pass False.
         gain: Whether K is estimated; otherwise it is zero.
@@ -137,6 +142,20 @@ def pem_ss(
         SysidWarning: Poor excitation, means that do not fit the dynamics, no convergence, bad conditioning, a predictor
             at the edge of stability.
     """
+    delays = _input_delays(nk, data, start)
+    if delays is not None:
+        fit = partial(
+            pem_ss,
+            start=_undelayed_start(start, delays),
+            nk=0,
+            direct=direct,
+            gain=gain,
+            coloured=coloured,
+            output_weight=output_weight,
+            search=search,
+            max_iterations=max_iterations,
+        )
+        return with_input_delays(fit, as_experiments(data, missing=True, series=True), delays)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     flags = {"direct": direct, "gain": gain, "coloured": coloured, "search": search}
     direct, gain, coloured, search = (truth_value(name, value) for name, value in flags.items())
@@ -196,6 +215,47 @@ def _diagnostics_of_search(minimum: Minimum) -> dict[str, Any]:
         "converged": minimum.converged,
         "reason": minimum.reason,
     }
+
+
+def _input_delays(
+    nk: int | Sequence[int] | None,
+    data: IOData | Sequence[IOData],
+    start: int | Estimate | StateSpace | Sequence[Estimate | StateSpace],
+) -> Delays | None:
+    """Delays of the inputs, those asked for or those of the start; None where there are none."""
+    experiments = as_experiments(data, missing=True, series=True)
+    if nk is not None:
+        delays = input_delays(nk, experiments)
+        return delays if any(delays) else None
+    starts = start if isinstance(start, Sequence) else [start]
+    of_starts = {delays_of(origin) for origin in starts}
+    if of_starts <= {None}:
+        # an empty sequence of starts is refused with the other orders
+        return None
+    if len(of_starts) > 1:
+        raise SysidError("the starts were estimated with different delays nk: expected one nk for all")
+    return of_starts.pop()
+
+
+def _undelayed_start(
+    start: int | Estimate | StateSpace | Sequence[Estimate | StateSpace], delays: Delays
+) -> int | Estimate | StateSpace | list[Estimate | StateSpace]:
+    """The start as a model of the delayed inputs."""
+    if isinstance(start, Sequence):
+        return [_undelayed_origin(origin, delays) for origin in start]
+    if isinstance(start, Estimate | StateSpace):
+        return _undelayed_origin(start, delays)
+    return start
+
+
+def _undelayed_origin(origin: Estimate | StateSpace, delays: Delays) -> Estimate | StateSpace:
+    """One start as a model of the delayed inputs; refuse an estimate with other delays."""
+    delays_of_start = delays_of(origin)
+    if not isinstance(origin, Estimate) or delays_of_start is None:
+        return origin
+    if delays_of_start != delays:
+        raise SysidError(f"the start was estimated with nk = {list(delays_of_start)}, expected {list(delays)}")
+    return without_delays(origin)
 
 
 def _origins(
