@@ -1,33 +1,26 @@
 """Likelihood fit of transfer functions to records: output errors by Levenberg-Marquardt, delays in real numbers."""
 
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy
 
-from sysid.continuous.initial_estimates import CONSTANT, free_responses, initial_estimates
-from sysid.continuous.path_response import PathResponse, TransferFunction, respond, transient_slopes
+from sysid.continuous.output_error_criterion import TIGHT, OutputError
+from sysid.continuous.output_error_search import OutputFit, lowest_minimum
 from sysid.continuous.structures import PathStructure, RealisePaths
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.data_summary import DataSummary
 from sysid.models.predict import residuals
 from sysid.polynomial.data_checks import check_excitation, check_means
-from sysid.polynomial.error_jacobian import orthonormal
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
 from sysid.polynomial.prediction_error import (
-    SCREENING_STEPS,
-    Linearisation,
-    Minimum,
     coloured_information,
-    levenberg_marquardt,
 )
 from sysid.records.arguments import real_number, truth_value, whole_number
 from sysid.records.arrays import FloatArray
@@ -35,252 +28,6 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 
 LONGEST_DELAY = 30  # samples, the default limit on delays that are estimated
-MARGIN = 1e-9  # least distance of poles from the imaginary axis, times dt
-FASTEST = 1e4  # greatest modulus of a pole, times dt: samples do not show a faster one
-REACH = 3  # samples by which a delay may grow from its initial estimate before the search starts again
-TIGHT = 1e-6  # part of a sample within which a delay is at its limit
-POLISHED = 2  # of the screened initial estimates, the best, from which the search runs to the end
-
-
-@dataclass(frozen=True, eq=False)
-class OutputError:
-    """Sum of squared output errors of one output.
-
-    Attributes:
-        experiments: Records with one output.
-        structures: Structure of the path from each input.
-        longest: Limit on delays in s.
-        free: Whether initial states are free.
-        offset: Whether each experiment has a free constant in its output.
-    """
-
-    experiments: Sequence[IOData]
-    structures: Sequence[PathStructure]
-    longest: float
-    free: bool
-    offset: bool = False
-
-    @cached_property
-    def sizes(self) -> list[int]:
-        """Ends of the parameters of each path."""
-        return list(itertools.accumulate(len(structure.names) for structure in self.structures))
-
-    def split(self, theta: FloatArray) -> list[FloatArray]:
-        """Parameters of each path."""
-        return np.split(theta, self.sizes[:-1])
-
-    def first(self, experiment: IOData) -> int:
-        """First sample whose error counts: with free initial states, no input from before the record acts on it."""
-        if not self.free:
-            return experiment.window
-        longest = 0.0
-        for structure in self.structures:
-            delay = self.longest if structure.delay is None else structure.delay
-            longest = max(longest, delay)
-        # a delay of whole samples may exceed them by rounding
-        return max(experiment.window, math.ceil(longest / experiment.dt - TIGHT))
-
-    def delays(self) -> list[int]:
-        """Indices of the parameters that are delays: the last one of a path whose delay is estimated."""
-        ends = zip(self.structures, self.sizes, strict=True)
-        return [end - 1 for structure, end in ends if structure.delay is None]
-
-    def usable(self) -> list[int]:
-        """Number of errors that count, of each experiment."""
-        return [int(e.known[self.first(e) :].sum()) for e in self.experiments]
-
-    def _transfers(self, theta: FloatArray) -> list[TransferFunction]:
-        """Transfer function of each path."""
-        paths = zip(self.structures, self.split(theta), strict=True)
-        return [structure.transfer(values) for structure, values in paths]
-
-    def __call__(self, theta: FloatArray, _: FloatArray | None = None) -> Linearisation | None:
-        """Criterion and first derivatives at parameters, delays moved to their limits; None where poles are unstable.
-
-        The search also passes the parameters before the step, which this criterion does not need.
-        A delay at its limit with a gradient that points beyond is fixed there: its derivatives are zero.
-        """
-        theta = self._allowed(theta)
-        if not (np.isfinite(theta).all() and self._stable(theta)):
-            return None
-        tables = [self.columns(e, theta) for e in self.experiments]
-        columns = np.vstack([derivatives for derivatives, _, _ in tables])
-        if not np.isfinite(columns).all():
-            return None
-        self._fix_delays_at_limits(theta, columns)
-        p = len(theta)
-        triangle, lengths = scaled_triangle(columns, guarded=p)
-        return Linearisation(
-            theta=theta,
-            cost=float(columns[:, p] @ columns[:, p]),
-            triangle=triangle[:p, :p],
-            target=lengths[p] * triangle[:p, p],
-            scale=lengths[:p],
-            errors=sum(self.usable()),
-            transients=sum(count for _, count, _ in tables),
-        )
-
-    def _allowed(self, theta: FloatArray) -> FloatArray:
-        """Parameters of the same model in their usual sequence and signs, delays moved to the nearest limit."""
-        paths = zip(self.structures, self.split(theta), strict=True)
-        allowed = np.concatenate([structure.arranged(values) for structure, values in paths])
-        limited = self.delays()
-        delays = np.where(allowed[limited] <= self._slack, 0.0, allowed[limited])
-        allowed[limited] = np.clip(delays, 0.0, self.longest)
-        return allowed
-
-    @property
-    def _slack(self) -> float:
-        """Time within which a delay is at its limit, s."""
-        return TIGHT * self.experiments[0].dt
-
-    def _fix_delays_at_limits(self, theta: FloatArray, columns: FloatArray) -> None:
-        """Set the derivatives (rows, p + 1) of delays to zero whose descent leads beyond their limit."""
-        for k in self.delays():
-            slope = float(columns[:, k] @ columns[:, -1])
-            falls_below = theta[k] == 0.0 and slope > 0.0
-            rises_beyond = theta[k] >= self.longest - self._slack and slope < 0.0
-            if falls_below or rises_beyond:
-                columns[:, k] = 0.0
-
-    def columns(self, experiment: IOData, theta: FloatArray) -> tuple[FloatArray, int, float]:
-        """Derivatives of the errors and the errors (rows, p + 1), with initial states and offset projected out.
-
-        Then the number of these, and the offset in units of the output. Rows are the samples whose output is known.
-        """
-        first = self.first(experiment)
-        known = experiment.known[first:, 0]
-        paths = self._transfers(theta)
-        dt, intersample = experiment.dt, experiment.intersample
-        responses = [respond(path, experiment.u[:, j], dt, intersample) for j, path in enumerate(paths)]
-        errors = (experiment.y[:, 0] - sum(response.y for response in responses))[first:]
-        denominators = [path.a for path in paths] if self.free else []
-        if self.offset:
-            denominators.append(CONSTANT)
-        free = free_responses(denominators, dt, len(errors))
-        free = free[known[: len(free)]]
-        basis, states = orthonormal(free, errors[known]) if free.any() else (free, np.zeros(0))
-        blocks = self._derivatives(theta, paths, responses, states, dt, first)
-        columns = np.column_stack((*blocks, errors))[known]
-        # variable projection [GolubPereyra2003]: what free responses explain counts for nothing
-        columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
-        # the constant is the last of the free responses
-        offset = float(states[-1]) if self.offset else 0.0
-        return columns, basis.shape[1], offset
-
-    def _derivatives(
-        self,
-        theta: FloatArray,
-        paths: Sequence[TransferFunction],
-        responses: Sequence[PathResponse],
-        states: FloatArray,
-        dt: float,
-        first: int,
-    ) -> list[FloatArray]:
-        """Derivatives of the errors by the parameters of each path (rows, p), initial states being `states`."""
-        blocks, begin = [], 0
-        values = self.split(theta)
-        for structure, values_of_path, path, response in zip(self.structures, values, paths, responses, strict=True):
-            by_coefficient = np.column_stack((response.by_b, response.by_a, response.by_delay))[first:]
-            if self.free and len(states) and structure.poles:
-                # the free response from the best initial state depends on the denominator too
-                state = states[begin : begin + structure.poles]
-                slopes = transient_slopes(path.a, state, dt, len(by_coefficient))
-                by_coefficient[: len(slopes), structure.zeros + 1 : -1] += slopes
-                begin += structure.poles
-            blocks.append(-by_coefficient @ structure.jacobian(values_of_path))
-        return blocks
-
-    def _stable(self, theta: FloatArray) -> bool:
-        """Whether all poles but integrators are left of the imaginary axis, and none too fast for samples to show."""
-        dt = self.experiments[0].dt
-        for structure, path in zip(self.structures, self._transfers(theta), strict=True):
-            poles = np.roots(path.a[structure.integrators :][::-1])
-            # a leading coefficient of zero: a pole at infinity
-            vanished = len(poles) < structure.poles - structure.integrators
-            if vanished or (np.abs(poles) * dt > FASTEST).any() or (poles.real * dt > -MARGIN).any():
-                return False
-        return True
-
-    def minimum(self, max_iterations: int) -> "OutputFit":
-        """The lowest minimum from several initial estimates."""
-        # matrix exponentials of stiff systems round more than the filters of discrete-time models
-        energy = 1e4 * sum(float(np.nansum(e.y**2)) for e in self.experiments)
-        first = [self.first(e) for e in self.experiments]
-        starts = initial_estimates(
-            self.experiments, self.structures, first, self.longest, free=self.free, offset=self.offset
-        )
-        screened = []
-        for start in starts:
-            at = self(start)
-            if at is not None:
-                screened.append(levenberg_marquardt(self, at, energy, max_iterations=2 * SCREENING_STEPS))
-        if not screened:
-            raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
-        screened.sort(key=_cost)
-        # the best after a few steps is not always the best in the end
-        finished = [
-            levenberg_marquardt(self, minimum.at, energy, max_iterations=max_iterations)
-            for minimum in screened[:POLISHED]
-        ]
-        best = self._hopped(min(finished, key=_cost), energy, max_iterations)
-        if not (self.delays() and self.free):
-            return OutputFit(self, best, len(starts))
-        # fewer samples are lost before a shorter delay
-        reach = float(best.at.theta[self.delays()].max()) + REACH * self.experiments[0].dt
-        criterion = replace(self, longest=min(reach, self.longest))
-        at = criterion(best.at.theta)
-        if at is not None:
-            best = levenberg_marquardt(criterion, at, energy, max_iterations=max_iterations)
-        return OutputFit(criterion, best, len(starts))
-
-    def _hopped(self, best: Minimum, energy: float, max_iterations: int) -> Minimum:
-        """The lowest minimum reached from the middles of sampling intervals around each delay.
-
-        A held input makes kinks at delays of whole samples, and often a minimum in each interval between them.
-        """
-        dt = self.experiments[0].dt
-        for k in self.delays():
-            tried: set[float] = set()
-            while True:
-                cell = math.ceil(best.at.theta[k] / dt - TIGHT)
-                middles = {(cell + hop - 0.5) * dt for hop in (-2, -1, 0, 1, 2)} - tried
-                tried |= middles
-                cost_before = best.at.cost
-                for middle in sorted(middles):
-                    theta = best.at.theta.copy()
-                    theta[k] = middle
-                    at = self(theta) if 0.0 < middle < self.longest else None
-                    if at is not None:
-                        candidate = levenberg_marquardt(self, at, energy, max_iterations=max_iterations)
-                        best = min(best, candidate, key=_cost)
-                if best.at.cost >= cost_before:
-                    break
-        return best
-
-
-@dataclass(frozen=True, eq=False)
-class OutputFit:
-    """Fit of the transfer functions from all inputs to one output.
-
-    Attributes:
-        criterion: Sum of squares that was minimised last.
-        minimum: Its lowest minimum.
-        starts: Number of initial estimates.
-    """
-
-    criterion: OutputError
-    minimum: Minimum
-    starts: int
-
-    def offsets(self) -> list[float]:
-        """Constant in the output of each experiment."""
-        theta = self.minimum.at.theta
-        return [self.criterion.columns(e, theta)[2] for e in self.criterion.experiments]
-
-
-def _cost(minimum: Minimum) -> float:
-    return minimum.at.cost
 
 
 def output_error_estimate(
@@ -314,13 +61,13 @@ def output_error_estimate(
     max_delay = _checked_delay("max_delay", max_delay, experiments)
     rows = structures_of(experiments[0].ny, experiments[0].nu)
     _check_structures([structure for row in rows for structure in row], experiments, free, offset)
-    messages = _excitation_messages(experiments, rows, offset)
+    messages = _excitation_messages(experiments, rows, free=free, offset=offset)
     fits = []
     for i, row in enumerate(rows):
         single = [e.select(outputs=[i]) for e in experiments]
         criterion = OutputError(single, row, max_delay, free, offset)
         _check_enough(criterion)
-        fits.append(criterion.minimum(max_iterations))
+        fits.append(lowest_minimum(criterion, max_iterations))
     theta = np.concatenate([fit.minimum.at.theta for fit in fits])
     covariance, noise, condition = _covariances(fits, coloured)
     levels = [fit.offsets() for fit in fits] if offset else []
@@ -389,13 +136,13 @@ def _check_structures(
 
 
 def _excitation_messages(
-    experiments: Sequence[IOData], rows: tuple[tuple[PathStructure, ...], ...], offset: bool
+    experiments: Sequence[IOData], rows: tuple[tuple[PathStructure, ...], ...], *, free: bool, offset: bool
 ) -> list[str]:
     """Warnings of inputs that excite too few frequencies for the orders, and of means that are not removed."""
     needed = []
     for of_input in zip(*rows, strict=True):
         needed.append(max(structure.poles + structure.zeros + 1 for structure in of_input))
-    messages = check_excitation(experiments, needed)
+    messages = check_excitation(experiments, needed, rest=not free)
     if not offset:
         messages += check_means(experiments, max(structure.poles for row in rows for structure in row))
     return messages
@@ -419,6 +166,12 @@ def _fit_messages(
         values, spread = criterion.split(theta[begin:end]), criterion.split(deviations[begin:end])
         for j, structure in enumerate(criterion.structures):
             messages += structure.warnings(values[j], spread[j])
+        if fit.early:
+            messages.append(
+                f"the inputs of output {output} move in the first samples above all, whose errors do not count because "
+                "the input before the record is unknown (that it was held there does not agree with them): a smaller "
+                "max_delay, a record that begins earlier or initial_conditions='zero' uses them"
+            )
         at_limits = _delay_messages(fit, realise.names[begin:end])
         messages += at_limits
         # a delay at its limit has no derivative, which makes the condition large by itself
@@ -452,10 +205,18 @@ def _diagnostics(
         "converged": all(minimum.converged for minimum in minima),
         "reason": "; ".join(minimum.reason for minimum in minima),
         "offsets": tuple(map(tuple, levels)),
+        "input_before": tuple(_input_before(fit.criterion) for fit in fits),
         "initial_estimates": sum(fit.starts for fit in fits),
         "sum_of_squares": tuple(minimum.at.cost for minimum in minima),
         "warnings": tuple(messages),
     }
+
+
+def _input_before(criterion: OutputError) -> str:
+    """What the fit assumes about the inputs before the record, in a word."""
+    if not criterion.free:
+        return "zero"
+    return "held" if criterion.held else "unknown"
 
 
 def _check_enough(criterion: OutputError) -> None:

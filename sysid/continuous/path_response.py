@@ -1,6 +1,6 @@
 """Response of one transfer function to a sampled input, with exact derivatives by its coefficients and delay."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -129,3 +129,17 @@ def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) 
     input_slope = sum((weight * lagged_input(u, lag) for lag, weight in sampled.slopes.items()), np.zeros(len(u)))
     by_delay = -(powers[:, 1:] @ c + direct * input_slope)
     return PathResponse(y, by_b / leading, _by_denominator(y, second * scale, path.a), by_delay)
+
+
+def respond_held(path: TransferFunction, u: FloatArray, dt: float, intersample: str) -> PathResponse:
+    """Response to an input that had its first value before the record too, up to a free response.
+
+    The constant part acts through the delay from the beginning on; only what moves in the record arrives late.
+    """
+    if not u[0]:
+        return respond(path, u, dt, intersample)
+    moving = respond(path, u - u[0], dt, intersample)
+    constant = respond(replace(path, delay=0.0), np.full_like(u, u[0]), dt, intersample)
+    return PathResponse(
+        moving.y + constant.y, moving.by_b + constant.by_b, moving.by_a + constant.by_a, moving.by_delay
+    )

@@ -31,7 +31,11 @@ def procest(
         max_delay: Limit on estimated delays in s; by default 30 samples, at most a tenth of the shortest record.
         max_iterations: Limit on the steps of each search.
         coloured: Whether the covariance allows for a disturbance that is not white; see `tfest`.
-        initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest.
+        initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest with zero input before
+            the record: an input that is constant throughout is then a step at the first sample. With a free state the
+            input before the record is unknown, and the first samples up to the delay do not count; where it moves
+            there above all, as in a step test, it is taken as held at its first value before (`diagnostics`,
+            "input_before") if BIC prefers that.
         offset: Whether every output of every experiment has an unknown constant beside the response of the model; it
             becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
 
@@ -40,12 +44,12 @@ def procest(
         from Tp1 on. `continuous` is the model.
 
     Raises:
-        SysidError: An unknown kind, constant input, orders or delays too large for the data, an input that is
-            band-limited between samples.
+        SysidError: An unknown kind, constant input but from rest, orders or delays too large for the data, an input
+            that is band-limited between samples.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit, real poles that coincide,
-            a time constant whose interval reaches zero, where coverage is lost.
+        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit, a constant input, real
+            poles that coincide, a time constant whose interval reaches zero, where coverage is lost.
     """
 
     def structures(ny: int, nu: int) -> tuple[tuple[PathStructure, ...], ...]:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -66,6 +66,12 @@ class RationalPath:
         derivatives = np.zeros((m + n + 3, len(rows)))
         derivatives[rows, np.arange(len(rows))] = 1.0
         return derivatives
+
+    def smaller(self) -> "RationalPath | None":
+        """The structure with a pole less, and a zero less if there is one; None below one pole."""
+        if self.poles < 2:
+            return None
+        return replace(self, poles=self.poles - 1, zeros=max(self.zeros - 1, 0))
 
     def arranged(self, theta: FloatArray) -> FloatArray:
         """The parameters (p,): no others have the same transfer function."""
@@ -147,6 +153,15 @@ class ProcessPath:
         zero = ["Tz"] if self.zeros else []
         delay = ["Td"] if self.delay is None else []
         return ("Kp", *lags, *zero, *delay)
+
+    def smaller(self) -> "ProcessPath | None":
+        """The kind without its zero, else with a time constant less; None where neither is there."""
+        if self.zeros:
+            return ProcessPath(self.kind.replace("Z", ""))
+        if self.lags < 2:
+            return None
+        fewer = f"P{self.lags - 1}{self.kind[2:]}"
+        return ProcessPath(fewer.replace("U", "") if self.lags == 2 else fewer)
 
     def arranged(self, theta: FloatArray) -> FloatArray:
         """The same transfer function with Tw > 0, and real time constants that fall (p,)."""
@@ -327,3 +342,21 @@ def per_path(name: str, value: object, ny: int, nu: int) -> list[list[Any]]:
         expected = f"one per input ({nu})" if ny == 1 else f"{ny} rows, one per output, of {nu}, one per input"
         raise SysidError(f"{name}: expected one value or {expected}, got {shown(value)}")
     return [list(row) for row in np.broadcast_to(table, (ny, nu))]
+
+
+FAST = 0.03  # time constant, in samples, of a pole that a smaller model gets on the way to a larger one
+CANCELLED = 3.0  # the same of a pole that a zero cancels, whatever it is
+
+
+def enlarged(structure: PathStructure, path: TransferFunction, dt: float) -> FloatArray:
+    """Parameters of the structure whose response is nearly that of a smaller model."""
+    b, a = path.b, path.a
+    # a zero goes with its pole where the path has room for both, else it is at infinity
+    while len(a) <= structure.poles:
+        cancelled = len(b) <= structure.zeros
+        time_constant = CANCELLED if cancelled else FAST
+        pole = np.array([1.0, time_constant * dt])
+        a = np.convolve(a, pole)
+        if cancelled:
+            b = np.convolve(b, pole)
+    return structure.parameters(TransferFunction(np.pad(b, (0, max(structure.zeros + 1 - len(b), 0))), a, path.delay))

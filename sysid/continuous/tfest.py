@@ -50,7 +50,11 @@ def tfest(
         max_iterations: Limit on the steps of each search.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it whose order BIC selects [Ljung1999, ch. 9]. The estimate itself is the same.
-        initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest.
+        initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest with zero input before
+            the record: an input that is constant throughout is then a step at the first sample. With a free state the
+            input before the record is unknown, and the first samples up to the delay do not count; where it moves
+            there above all, as in a step test, it is taken as held at its first value before (`diagnostics`,
+            "input_before") if BIC prefers that.
         offset: Whether every output of every experiment has an unknown constant beside the response of the model; it
             becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
 
@@ -59,11 +63,11 @@ def tfest(
         natural frequencies, damping and time constants with intervals.
 
     Raises:
-        SysidError: Constant input, more zeros than poles, orders or delays too large for the data, an input that is
-            band-limited between samples, options of records with a frequency response.
+        SysidError: Constant input but from rest, more zeros than poles, orders or delays too large for the data, an
+            input that is band-limited between samples, options of records with a frequency response.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit.
+        SysidWarning: Poor excitation, no convergence, bad conditioning, a delay at its limit, a constant input.
     """
 
     def structures(ny: int, nu: int) -> tuple[tuple[RationalPath, ...], ...]:

@@ -76,24 +76,77 @@ def _gram_rank(gram: FloatArray, tolerance: float = DEPENDENT) -> int:
     return int((values > floor * values[-1]).sum()) if values[-1] > 0.0 else 0
 
 
-def check_excitation(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
-    """Refuse constant channels; describe inputs that excite less than the `needed` orders, or are dependent."""
+def check_excitation(experiments: Sequence[IOData], needed: Sequence[int], *, rest: bool = False) -> list[str]:
+    """Refuse constant channels; describe inputs that excite less than the `needed` orders, or are dependent.
+
+    From rest, an input that is constant throughout is a step at the first sample.
+    """
     if max(len(e) for e in experiments) < 2:
         raise SysidError(f"too few samples: {len(experiments)} experiment(s) of 1 sample, at least 2 are needed")
-    _refuse_constant_channels(experiments)
-    return _poorly_excited(experiments, needed) + _dependent_inputs(experiments, needed)
+    _refuse_constant_outputs(experiments)
+    constant = constant_inputs(experiments)
+    if not rest:
+        _refuseconstant_inputs(experiments, constant)
+        return _poorly_excited(experiments, needed) + _dependent_inputs(experiments, needed)
+    stepping = {j for j in constant if any(e.u[:, j].any() for e in experiments)}
+    _refuseconstant_inputs(experiments, constant - stepping)
+    messages = [_step_message(experiments, j) for j in sorted(stepping)]
+    # a step excites all frequencies: more rows of rest before it than the model has orders show that
+    before = max((*needed, 1))
+    with_rest = after_rest(experiments, before)
+    return messages + _poorly_excited(with_rest, needed) + _dependent_inputs(with_rest, needed)
 
 
-def _refuse_constant_channels(experiments: Sequence[IOData]) -> None:
+def after_rest(experiments: Sequence[IOData], rows: int) -> tuple[IOData, ...]:
+    """The experiments behind rows of rest, inputs and outputs of zero."""
+    with_rest = []
+    for e in experiments:
+        u = np.vstack((np.zeros((rows, e.nu)), e.u))
+        y = np.vstack((np.zeros((rows, e.ny)), e.y))
+        with_rest.append(replace(e, u=u, y=y))
+    return tuple(with_rest)
+
+
+def _step_message(experiments: Sequence[IOData], j: int) -> str:
+    """Warning of what a constant input from rest cannot tell."""
+    name = (experiments[0].input_names or ())[j]
+    return (
+        f"input {name} is constant: that the system was at rest at zero before, and the input stepped at the first "
+        "sample, is an assumption that this record cannot check; an earlier step reads as a shorter delay, another "
+        "level of rest as another gain. A record that begins before the step would tell"
+    )
+
+
+def constant_inputs(experiments: Sequence[IOData]) -> set[int]:
+    """Inputs that are constant in every experiment."""
+    constant = set()
+    for j in range(experiments[0].nu):
+        if all(_is_constant(e.u[:, j]) for e in experiments):
+            constant.add(j)
+    return constant
+
+
+def _refuseconstant_inputs(experiments: Sequence[IOData], constant: set[int]) -> None:
+    for j in sorted(constant):
+        name = (experiments[0].input_names or ())[j]
+        values = [e.u[0, j] for e in experiments]
+        advice = ""
+        if any(values):
+            advice = (
+                "; if the system was at rest with zero input before the record, initial_conditions='zero' of procest, "
+                "tfest, oe, armax, bj and polyest takes it as a step at the first sample"
+            )
+        shown = ", ".join(f"{value:g}" for value in values)
+        raise SysidError(
+            f"input {name} is constant ({shown}), which identifies nothing; expected a varying input{advice}"
+        )
+
+
+def _refuse_constant_outputs(experiments: Sequence[IOData]) -> None:
     for i, name in enumerate(experiments[0].output_names or ()):
         known_outputs = [e.y[e.known[:, i], i] for e in experiments]
         if all(_is_constant(y) for y in known_outputs if len(y)):
             raise SysidError(f"output {name} is constant, which identifies nothing; expected a varying output")
-    for j, name in enumerate(experiments[0].input_names or ()):
-        signals = [e.u[:, j] for e in experiments]
-        if all(_is_constant(u) for u in signals):
-            value = ", ".join(f"{u[0]:g}" for u in signals)
-            raise SysidError(f"input {name} is constant ({value}), which identifies nothing; expected a varying input")
 
 
 def _is_constant(signal: FloatArray) -> bool:

@@ -14,7 +14,7 @@ from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
 from sysid.models.record_hash import record_hash
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
 from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
@@ -174,6 +174,9 @@ def check_enough_data(experiments: Sequence[IOData], orders: Orders, transients:
     return rows
 
 
+STEADY = (
+    3  # rows of rest, over the parameters and the delay, that initial estimates see before a step at the first sample
+)
 ILL_CONDITIONED = 1e10  # condition of the scaled Jacobian beyond which half the digits of the step are lost
 ROUNDING = 1e-14  # singular value of the scaled Jacobian, relative to the largest, that counts as zero
 COLOUR = 30  # highest order of the autoregressive model of a coloured disturbance
@@ -219,7 +222,8 @@ def prediction_error_estimate(
             "initial_conditions=InitialConditions.BACKCAST needs complete outputs; ESTIMATED and ZERO do not, and "
             "data.complete_parts() cuts a record into experiments without gaps"
         )
-    messages = _data_messages(experiments, orders)
+    rest = initial_conditions is InitialConditions.ZERO
+    messages = _data_messages(experiments, orders, rest=rest)
     recorded = experiments
     levelled = level(experiments, orders.trend) if orders.trend_terms else None
     if levelled is not None:
@@ -233,7 +237,11 @@ def prediction_error_estimate(
     if complete and first is None and sum(map(len, experiments)) > LONG:
         result = search_of_long_records(experiments, initial_estimates, find)
     if result is None:
-        result = find(experiments, partial(initial_estimates, filled))
+        for_starts = filled
+        if rest and constant_inputs(filled):
+            # initial estimates fit a free initial state: only before it does the record show the step
+            for_starts = after_rest(filled, STEADY * (max(orders.nk) + orders.count))
+        result = find(experiments, partial(initial_estimates, for_starts))
     at = result.best.at
     variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
     half, condition = directions(at)
@@ -256,7 +264,7 @@ def prediction_error_estimate(
         variance=variance,
         diagnostics=diagnostics,
         messages=messages,
-        at_rest=initial_conditions is InitialConditions.ZERO,
+        at_rest=rest,
         recorded=recorded,
     )
 
@@ -286,10 +294,10 @@ def trend_diagnostics(levelled: Levelled) -> dict[str, Any]:
     return {"offsets": tuple(offsets), "slopes": tuple(slopes)}
 
 
-def _data_messages(experiments: Sequence[IOData], orders: Orders) -> list[str]:
+def _data_messages(experiments: Sequence[IOData], orders: Orders, *, rest: bool) -> list[str]:
     """Refuse data that cannot determine the parameters; describe data that hardly can."""
     needed_excitation = [nb + max(orders.na, nf) for nb, nf in zip(orders.nb, orders.nf, strict=True)]
-    messages = check_excitation(experiments, needed_excitation)
+    messages = check_excitation(experiments, needed_excitation, rest=rest)
     if not orders.trend_terms:
         messages += check_means(experiments, max((orders.na, *orders.nf)))
     check_enough_data(experiments, orders, transients=max(orders.nc, orders.nd) + sum(orders.nf))

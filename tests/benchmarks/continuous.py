@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 
 import sysid
-from sysid.continuous.output_error import OutputError
+from sysid.continuous.output_error_criterion import OutputError
 from sysid.continuous.structures import ProcessPath, RationalPath
 from tests.benchmarks.tables import heading, options, row, timed
 from tests.sysid.continuous.record import record

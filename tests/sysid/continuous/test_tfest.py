@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from sysid import FrequencyResponse, IOData, c2d, d2c, damp, fit_response_ss, n4sid, read_model, tfest, write_model
-from sysid.continuous.output_error import OutputError
+from sysid.continuous.output_error_criterion import OutputError
 from sysid.continuous.path_response import TransferFunction, respond
 from sysid.continuous.structures import ProcessPath, RationalPath
 from sysid.models.continuous_estimate import _with_interval

@@ -1,0 +1,202 @@
+"""Search for the lowest sum of squared output errors: several starts, delays in every interval, smaller models."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.continuous.initial_estimates import initial_estimates
+from sysid.continuous.output_error_criterion import TIGHT, OutputError
+from sysid.continuous.structures import enlarged
+from sysid.polynomial.prediction_error import SCREENING_STEPS, Linearisation, Minimum, levenberg_marquardt
+from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
+
+REACH = 3  # samples by which a delay may grow from its initial estimate before the search starts again
+POLISHED = 2  # of the screened initial estimates, the best, from which the search runs to the end
+EARLY = 0.5  # share of the input's movement, by its squared steps, from which on it is lost with the first samples
+ROUNDING = 1e-26  # sum of squared errors, relative to that of the output, below which rounding decides
+
+
+@dataclass(frozen=True, eq=False)
+class OutputFit:
+    """Fit of the transfer functions from all inputs to one output.
+
+    Attributes:
+        criterion: Sum of squares that was minimised last.
+        minimum: Its lowest minimum.
+        starts: Number of initial estimates.
+        early: Whether the input moves in the first samples above all, whose errors do not count.
+    """
+
+    criterion: OutputError
+    minimum: Minimum
+    starts: int
+    early: bool = False
+
+    def offsets(self) -> list[float]:
+        """Constant in the output of each experiment."""
+        theta = self.minimum.at.theta
+        return [self.criterion.columns(e, theta)[2] for e in self.criterion.experiments]
+
+
+def lowest_minimum(criterion: OutputError, max_iterations: int) -> OutputFit:
+    """The lowest minimum from several initial estimates.
+
+    Where the input is not known before the record, the first samples up to the longest delay do not count: the input
+    of a step test may move there alone. Then it is taken as held at its first value before, unless the errors of those
+    samples say otherwise.
+    """
+    fit = _with_smaller_models(criterion, max_iterations)
+    if not (criterion.delays() and criterion.free):
+        return fit
+    if _moves_early(criterion):
+        held = _with_smaller_models(replace(criterion, held=True), max_iterations, [fit.minimum.at.theta])
+        if _agrees(held, fit):
+            return held
+        fit = replace(fit, early=True)
+    return _with_short_delays(criterion, fit, max_iterations)
+
+
+def _energy(criterion: OutputError) -> float:
+    """Sum of squares of the output that sets the level of rounding."""
+    # matrix exponentials of stiff systems round more than the filters of discrete-time models
+    return 1e4 * sum(float(np.nansum(e.y**2)) for e in criterion.experiments)
+
+
+def _moves_early(criterion: OutputError) -> bool:
+    """Whether most of the movement of some input lies within the samples that do not count."""
+    for j, structure in enumerate(criterion.structures):
+        lost = total = 0.0
+        for experiment in criterion.experiments:
+            steps = np.diff(experiment.u[:, j]) ** 2
+            lost += float(np.sum(steps[: criterion.first(experiment)]))
+            total += float(np.sum(steps))
+        if structure.delay is None and lost >= EARLY * total:
+            return True
+    return False
+
+
+def _agrees(held: OutputFit, fit: OutputFit) -> bool:
+    """Whether BIC prefers held inputs before the record to errors of any size in the samples that do not count."""
+    with_all, without = held.minimum.at, fit.minimum.at
+    rounding = ROUNDING * _energy(held.criterion)
+    ratio = max(with_all.cost, rounding) / max(without.cost, rounding)
+    return with_all.errors * np.log(ratio) <= (with_all.errors - without.errors) * np.log(with_all.errors)
+
+
+def _with_short_delays(criterion: OutputError, fit: OutputFit, max_iterations: int) -> OutputFit:
+    """The fit with the samples that count where delays are not much longer than they are."""
+    theta, delays = fit.minimum.at.theta, criterion.delays()
+    dt = criterion.experiments[0].dt
+    reach = float(theta[delays].max()) + REACH * dt
+    shorter = replace(criterion, longest=min(reach, criterion.longest))
+    at = shorter(theta)
+    if at is None:
+        return replace(fit, criterion=shorter)
+    minimum = levenberg_marquardt(shorter, at, _energy(criterion), max_iterations=max_iterations)
+    at_limit = (minimum.at.theta[delays] >= shorter.longest - TIGHT * dt).any()
+    if at_limit and shorter.longest < criterion.longest:
+        # the limit is none of the caller's: the minimum of fewer samples stays
+        return fit
+    return replace(fit, criterion=shorter, minimum=minimum)
+
+
+def _with_smaller_models(criterion: OutputError, max_iterations: int, further: Sequence[FloatArray] = ()) -> OutputFit:
+    """The lowest minimum, never above that of a smaller model."""
+    starts = [*_starts(criterion), *further]
+    best = _hopped(criterion, _polished(criterion, starts, max_iterations), max_iterations)
+    return OutputFit(criterion, _not_above_smaller(criterion, best, max_iterations), len(starts))
+
+
+def _not_above_smaller(criterion: OutputError, best: Minimum, max_iterations: int) -> Minimum:
+    """A minimum, or one that is reached from the answer of the next smaller model if that is lower."""
+    smaller_structures = [structure.smaller() or structure for structure in criterion.structures]
+    if smaller_structures == list(criterion.structures):
+        return best
+    contained = replace(criterion, structures=smaller_structures)
+    try:
+        smaller = _polished(contained, _starts(contained), max_iterations)
+    except SysidError:
+        # no start of the smaller model is stable
+        return best
+    smaller = _not_above_smaller(contained, smaller, max_iterations)
+    if smaller.at.cost >= best.at.cost:
+        return best
+    dt = criterion.experiments[0].dt
+    pairs = zip(criterion.structures, contained.transfers(smaller.at.theta), strict=True)
+    theta = np.concatenate([enlarged(structure, path, dt) for structure, path in pairs])
+    at = criterion(theta)
+    if at is None:
+        return best
+    larger = levenberg_marquardt(criterion, at, _energy(criterion), max_iterations=max_iterations)
+    return min(best, _hopped(criterion, larger, max_iterations), key=_cost)
+
+
+def _polished(criterion: OutputError, starts: Sequence[FloatArray], max_iterations: int) -> Minimum:
+    """The lowest minimum from initial estimates, each screened by a few steps."""
+    energy = _energy(criterion)
+    screened = []
+    for start in starts:
+        at = criterion(start)
+        if at is not None:
+            screened.append(levenberg_marquardt(criterion, at, energy, max_iterations=2 * SCREENING_STEPS))
+    if not screened:
+        raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
+    screened.sort(key=_cost)
+    # the best after a few steps is not always the best in the end
+    finished = [
+        levenberg_marquardt(criterion, minimum.at, energy, max_iterations=max_iterations)
+        for minimum in screened[:POLISHED]
+    ]
+    return min(finished, key=_cost)
+
+
+def _starts(criterion: OutputError) -> list[FloatArray]:
+    """Initial estimates, of held inputs from rest too."""
+    structures, longest, offset = criterion.structures, criterion.longest, criterion.offset
+    first = [criterion.first(e) for e in criterion.experiments]
+    if not criterion.held:
+        return initial_estimates(criterion.experiments, structures, first, longest, free=criterion.free, offset=offset)
+    # the response to a first value that stays is a constant, which the estimates may have in place of it
+    offset = offset or any(e.u[0].any() for e in criterion.experiments)
+    moving = [e.subtract(u=e.u[0]) for e in criterion.experiments]
+    from_rest = initial_estimates(moving, structures, first, longest, free=False, offset=offset)
+    return from_rest + initial_estimates(moving, structures, first, longest, free=True, offset=offset)
+
+
+def _hopped(criterion: OutputError, best: Minimum, max_iterations: int) -> Minimum:
+    """The lowest minimum reached from the middles of sampling intervals around each delay.
+
+    A held input makes kinks at delays of whole samples, and often a minimum in each interval between them.
+    """
+    dt = criterion.experiments[0].dt
+    for k in criterion.delays():
+        tried: set[float] = set()
+        while True:
+            cell = math.ceil(best.at.theta[k] / dt - TIGHT)
+            middles = {(cell + hop - 0.5) * dt for hop in (-2, -1, 0, 1, 2)} - tried
+            tried |= middles
+            cost_before = best.at.cost
+            for middle in sorted(middles):
+                at = _at_delay(criterion, best.at.theta, k, middle)
+                if at is not None:
+                    candidate = levenberg_marquardt(criterion, at, _energy(criterion), max_iterations=max_iterations)
+                    best = min(best, candidate, key=_cost)
+            if best.at.cost >= cost_before:
+                break
+    return best
+
+
+def _at_delay(criterion: OutputError, theta: FloatArray, k: int, delay: float) -> Linearisation | None:
+    """The criterion with another delay as parameter k; None beyond the limits."""
+    if not 0.0 < delay < criterion.longest:
+        return None
+    moved = theta.copy()
+    moved[k] = delay
+    return criterion(moved)
+
+
+def _cost(minimum: Minimum) -> float:
+    return minimum.at.cost
