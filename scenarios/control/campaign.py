@@ -13,7 +13,7 @@ from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.files.data_file import read_parts
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import IOData, Polynomials, StateSpace, SysidWarning
-from sysid.models.predict import as_model
+from sysid.models.model_forms import as_model
 
 CONTROLLED = tuple(name for name in JOINTS if name != "shoulder_roll")
 """Joints under control: all but the first, which a pin holds."""

@@ -14,7 +14,8 @@ from scenarios.identification.named_models import KnownModel, ModelName, known_m
 from scenarios.identification.result_tables import INTEGRATES
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
-from sysid.models.predict import aligned, as_model, channels_in
+from sysid.models.model_forms import as_model
+from sysid.models.predict import aligned, channels_in
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
 

@@ -6,7 +6,7 @@ from string import Template
 
 from sysid.exchange.files import comment, heading, named_path, operating_point, write_whole
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model
+from sysid.models.model_forms import as_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError

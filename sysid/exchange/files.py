@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model, chosen_model
+from sysid.models.model_forms import as_model, chosen_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import file_path
 from sysid.records.arrays import FloatArray

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 from sysid.exchange.c_source import c_files, c_values, filled
 from sysid.exchange.files import heading, named_path, operating_point, software, write_whole
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model
+from sysid.models.model_forms import as_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import optional_text, shown
 from sysid.records.arrays import FloatArray

@@ -13,8 +13,8 @@ from sysid.exchange.parameters import entries, entry_moves, portable, with_entri
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate
+from sysid.models.model_forms import as_model, chosen_model
 from sysid.models.polynomials import Polynomials
-from sysid.models.predict import as_model, chosen_model
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.polynomial_estimate import Realise
 from sysid.records.arrays import FloatArray

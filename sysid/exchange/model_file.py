@@ -15,8 +15,8 @@ from sysid.exchange.parameters import LinearEntries, entries, portable
 from sysid.models.continuous import Resampled, Unsampled
 from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate
 from sysid.models.estimate import Estimate
+from sysid.models.model_forms import Choice, chosen_model
 from sysid.models.polynomials import Polynomials
-from sysid.models.predict import Choice, chosen_model
 from sysid.models.state_space import StateSpace, is_covariance
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import Realise

@@ -12,7 +12,7 @@ import scipy
 from sysid.models.continuous_estimate import ContinuousEstimate, continuous_estimate, estimate_fields
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model, chosen_model
+from sysid.models.model_forms import as_model, chosen_model
 from sysid.models.reduction import split_delay
 from sysid.models.state_space import StateSpace
 from sysid.models.zero_pole_gain import ZeroPoleGain, zero_pole_gain

@@ -9,13 +9,11 @@ from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import spread, standard_directions
 from sysid.models.estimate import Estimate
+from sysid.models.model_forms import Choice, as_model, chosen_model
 from sysid.models.predict import (
-    Choice,
     about_operating_point,
     aligned,
     as_inputs,
-    as_model,
-    chosen_model,
     fitted_state,
     initial_state,
     predictor_inputs,

@@ -2,13 +2,14 @@
 
 import warnings
 from dataclasses import replace
-from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.delta_method import standard_directions
 from sysid.models.estimate import Estimate
+from sysid.models.model_forms import AnyModel, as_model, chosen_model
+from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.recursion import (
     LARGEST,
     driven_output,
@@ -25,23 +26,8 @@ from sysid.records.data import IOData, as_record
 from sysid.records.errors import SysidError, SysidWarning
 
 
-class Choice(Protocol):
-    """A choice between models, as `auto` returns it, which stands for its estimate."""
-
-    @property
-    def estimate(self) -> Estimate:
-        """The chosen model."""
-
-
-def chosen_model(model: StateSpace | Estimate | Choice) -> StateSpace | Estimate:
-    """The estimate of a choice; other models, and what is none, unchanged."""
-    # by its attribute: the classes of choices belong to rooms that build on this one
-    inner = getattr(model, "estimate", None)
-    return inner if isinstance(inner, Estimate) else cast("StateSpace | Estimate", model)
-
-
 def simulate(
-    model: StateSpace | Estimate | Choice,
+    model: AnyModel,
     u: ArrayLike | IOData,
     *,
     x0: ArrayLike | None = None,
@@ -50,7 +36,9 @@ def simulate(
     """Output of x(t+1) = A x + B u + K e, y = C x + D u + e; without `rng` there is no noise, e = 0.
 
     Args:
-        model: The model, or an estimate of it.
+        model: The model, or an estimate of it: a `StateSpace`, `Polynomials`, a `ContinuousModel`, or a system of
+            python-control or SciPy. Continuous-time ones are sampled, exactly for a held input, at the interval of the
+            record; with bare inputs they need one of their own.
         u: Inputs (N, nu), relative to the operating point of an estimate; 1-D for one input. Or a record, for the
             output in the coordinates of the record, as `predict` returns it.
         x0: State at the first sample (n,); zero by default, where `predict` and `compare` estimate it.
@@ -64,7 +52,10 @@ def simulate(
     """
     if isinstance(u, IOData):
         record, (_, level) = about_operating_point(model, u)
-        return simulate(aligned(as_model(model), u), record.u, x0=x0, rng=rng) + level
+        return simulate(aligned(as_model(model, u), u), record.u, x0=x0, rng=rng) + level
+    if isinstance(model, Polynomials):
+        # the interval between samples has no part in their outputs
+        model = innovations_form(model, 1.0)
     m = as_model(model)
     inputs, start = as_inputs(m, u), as_state(m, x0)
     if rng is None:
@@ -87,17 +78,6 @@ def output(model: StateSpace, u: FloatArray, x0: FloatArray) -> FloatArray:
     return driven_output(model.A, model.B, model.C, model.D, u, x0)
 
 
-def as_model(model: StateSpace | Estimate | Choice) -> StateSpace:
-    """The state-space model of a model or an estimate."""
-    model = chosen_model(model)
-    if isinstance(model, Estimate):
-        return model.model
-    if not isinstance(model, StateSpace):
-        hint = ": the model comes first, then the data" if isinstance(model, IOData) else ""
-        raise SysidError(f"expected a StateSpace or an Estimate, got {type(model).__name__}{hint}")
-    return model
-
-
 def as_inputs(model: StateSpace, u: ArrayLike) -> FloatArray:
     """Check inputs against the model and return them as (N, nu)."""
     out = real_array("u", u)
@@ -118,9 +98,7 @@ def as_state(model: StateSpace, x0: ArrayLike | None) -> FloatArray:
     return out
 
 
-def predict(
-    model: StateSpace | Estimate | Choice, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None
-) -> FloatArray:
+def predict(model: AnyModel, data: IOData, *, steps: int | None = 1, x0: ArrayLike | None = None) -> FloatArray:
     """Prediction of y(t) from outputs up to t - steps and inputs up to t [Ljung1999, sec. 3.2, 4.3].
 
     Channels of model and data are matched by name, those without names of their own by position.
@@ -130,7 +108,7 @@ def predict(
     the prediction is in the coordinates of the record.
 
     Args:
-        model: The model, or an estimate of it.
+        model: The model, in any form that `simulate` takes, or an estimate of it.
         data: Inputs and outputs.
         steps: Horizon in samples, >= 1; None simulates (an infinite horizon).
         x0: State at the first sample (n,). None fits it to the data by least squares: to the initialisation window if
@@ -146,7 +124,7 @@ def predict(
     Warns:
         SysidWarning: The predictor A - K C is not stable, so that its errors grow.
     """
-    m = aligned(as_model(model), data)
+    m = aligned(as_model(model, data), data)
     record, (_, level) = about_operating_point(model, data)
     horizon = None if steps is None else whole_number("steps", steps, 1)
     return _predicted(m, record, horizon, x0) + level
@@ -314,9 +292,7 @@ def aligned(model: StateSpace, data: IOData) -> StateSpace:
     )
 
 
-def about_operating_point(
-    model: StateSpace | Estimate | Choice, data: IOData
-) -> tuple[IOData, tuple[FloatArray, FloatArray]]:
+def about_operating_point(model: AnyModel, data: IOData) -> tuple[IOData, tuple[FloatArray, FloatArray]]:
     """The record relative to the operating point of an estimate, and what was subtracted (nu,) and (ny,).
 
     That is nothing where the record is relative to a point of its own, or the model has none.
@@ -330,11 +306,11 @@ def about_operating_point(
     return data.subtract(u=u_level, y=y_level), (u_level, y_level)
 
 
-def residuals(model: StateSpace | Estimate | Choice, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
+def residuals(model: AnyModel, data: IOData, *, x0: ArrayLike | None = None) -> FloatArray:
     """y(t) minus its one-step prediction [Ljung1999, sec. 3.2].
 
     Args:
-        model: The model, or an estimate of it.
+        model: The model, in any form that `simulate` takes, or an estimate of it.
         data: Inputs and outputs.
         x0: State at the first sample (n,); None fits it (see `predict`).
 
@@ -347,13 +323,13 @@ def residuals(model: StateSpace | Estimate | Choice, data: IOData, *, x0: ArrayL
     return as_record(data).y - predict(model, data, x0=x0)
 
 
-def findstates(model: StateSpace | Estimate | Choice, data: IOData, *, simulation: bool = False) -> FloatArray:
+def findstates(model: AnyModel, data: IOData, *, simulation: bool = False) -> FloatArray:
     """State at the first sample for which the model explains the data best, by least squares [Ljung1999, sec. 10.5].
 
     Use it as `x0` of `simulate`, `predict` and `residuals`.
 
     Args:
-        model: The model, or an estimate of it.
+        model: The model, in any form that `simulate` takes, or an estimate of it.
         data: Inputs and outputs; of a record with an initialisation window, only the window is used.
         simulation: Whether to fit the simulated output; otherwise the one-step prediction.
 
@@ -364,7 +340,7 @@ def findstates(model: StateSpace | Estimate | Choice, data: IOData, *, simulatio
         SysidError: Channels that do not fit the model.
     """
     simulation = truth_value("simulation", simulation)
-    m = aligned(as_model(model), data)
+    m = aligned(as_model(model, data), data)
     data, _ = about_operating_point(model, data)
     gain = np.zeros_like(m.gain) if simulation else None
     return initial_state(m, data, gain)

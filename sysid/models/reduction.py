@@ -7,7 +7,7 @@ import numpy as np
 import scipy
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model
+from sysid.models.model_forms import as_model
 from sysid.models.state_space import StateSpace
 from sysid.models.system_matrices import balanced_truncation
 from sysid.records.arguments import truth_value, whole_number

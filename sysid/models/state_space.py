@@ -363,16 +363,13 @@ class StateSpace(Locked):
         # dt = True is python-control's discrete time without an interval
         if not isinstance(ss.dt, float | int) or isinstance(ss.dt, bool) or ss.dt <= 0:
             raise SysidError(f"expected a discrete-time system with a sampling interval, got dt = {ss.dt!r}")
-        return StateSpace(
-            ss.A,
-            ss.B,
-            ss.C,
-            ss.D,
-            None,
-            float(ss.dt),
-            input_names=_user_labels(ss.input_labels),
-            output_names=_user_labels(ss.output_labels),
-        )
+        inputs, outputs = StateSpace.names_of_control(ss)
+        return StateSpace(ss.A, ss.B, ss.C, ss.D, None, float(ss.dt), input_names=inputs, output_names=outputs)
+
+    @staticmethod
+    def names_of_control(system: "control.LTI") -> tuple[tuple[str, ...] | None, tuple[str, ...] | None]:
+        """Names of inputs and outputs of a python-control system; None where they are its defaults."""
+        return _user_labels(system.input_labels), _user_labels(system.output_labels)
 
 
 def is_covariance(matrix: FloatArray) -> bool:

@@ -9,7 +9,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import as_model
+from sysid.models.model_forms import as_model
 from sysid.models.state_space import StateSpace
 from sysid.records.arguments import real_number, sampling_interval, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, complex_array, lock, real_array

@@ -47,7 +47,8 @@ def bode(
     standard deviations of noise and nonlinear distortion in a single realisation.
 
     Args:
-        curves: Responses, models or estimates: one, several, or several by name.
+        curves: Responses, models or estimates: one, several, or several by name. Of python-control and SciPy, systems
+            in discrete time with a sampling interval.
         frequencies: Frequencies of models and estimates, Hz; three decades up to Nyquist by default.
         output: Output by index or name; all when None.
         input: Input by index or name; all when None.

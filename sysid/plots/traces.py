@@ -8,9 +8,11 @@ import numpy as np
 
 from sysid.frequency.bla import BestLinearApproximation
 from sysid.models.confidence_bands import poles_band, zeros_band
+from sysid.models.continuous_model import ContinuousModel
 from sysid.models.estimate import Estimate
 from sysid.models.frequency_response import FrequencyResponse
-from sysid.models.predict import chosen_model
+from sysid.models.model_forms import AnyModel, as_model, chosen_model, is_foreign
+from sysid.models.polynomials import Polynomials
 from sysid.models.state_space import StateSpace
 from sysid.plots.palette import DISTORTION, NOISE, PALETTE, Style
 from sysid.plots.panels import grid_of_frequencies
@@ -85,13 +87,17 @@ class Trace:
     style: Style
 
 
+WITH_RESPONSE = (Curve, FrequencyResponse, Estimate, StateSpace, ContinuousModel, BestLinearApproximation)
+"""Kinds of items that `curves_of` takes."""
+
+
 def curves_of(
     items: "Drawable | Sequence[Drawable] | Mapping[str, Drawable]", frequencies: FloatArray | None
 ) -> list[Curve]:
     """Curves of responses, models and estimates; a `Curve` is unchanged."""
     styles = StyleChooser()
     curves = []
-    for name, item in named_items(items, (Curve, FrequencyResponse, Estimate, StateSpace, BestLinearApproximation)):
+    for name, item in named_items(items, WITH_RESPONSE):
         if isinstance(item, Curve):
             curve = item if name is None else replace(item, label=name)
             curves.append(curve)
@@ -197,11 +203,11 @@ def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | 
     pairs: list[tuple[str | None, Any]]
     available = ", ".join(kind.__name__ for kind in kinds)
     if isinstance(items, Mapping):
-        pairs = [(str(name), chosen_model(item)) for name, item in items.items()]
+        pairs = [(str(name), _drawable(item)) for name, item in items.items()]
     else:
         are_several = isinstance(items, Sequence) and not isinstance(items, (str, *kinds))
         several: Any = items if are_several else [items]
-        pairs = [(None, chosen_model(item)) for item in several]
+        pairs = [(None, _drawable(item)) for item in several]
     if not pairs:
         raise SysidError(f"nothing to draw; expected one or more of {available}")
     for _, item in pairs:
@@ -210,18 +216,25 @@ def named_items(items: object, kinds: tuple[type, ...]) -> Iterator[tuple[str | 
     return iter(pairs)
 
 
-def _response(item: Estimate | StateSpace, frequencies: FloatArray | None) -> FrequencyResponse:
+def _drawable(item: Any) -> Any:
+    """The estimate of a choice, the model of a system of another package; other items unchanged."""
+    item = chosen_model(item)
+    return as_model(item) if is_foreign(item) or isinstance(item, Polynomials) else item
+
+
+def _response(item: Estimate | StateSpace | ContinuousModel, frequencies: FloatArray | None) -> FrequencyResponse:
     model = item.model if isinstance(item, Estimate) else item
-    f = grid_of_frequencies(frequencies, model.dt)
+    states = model.states if isinstance(model, ContinuousModel) else model
+    f = grid_of_frequencies(frequencies, states.dt)
     if isinstance(item, Estimate):
         return item.frequency_response(f)
     return FrequencyResponse(
         f,
         model.frequency_response(f),
-        model.dt,
+        states.dt,
         "model",
-        input_names=model.input_names or (),
-        output_names=model.output_names or (),
+        input_names=states.input_names or (),
+        output_names=states.output_names or (),
     )
 
 
@@ -246,7 +259,7 @@ def _regions(estimate: Estimate) -> tuple[ComplexArray, ...]:
 
 REACH = 1.6  # modulus beyond which roots are not drawn in a map, but counted
 
-Drawable = Curve | FrequencyResponse | Estimate | StateSpace | BestLinearApproximation
+Drawable = Curve | FrequencyResponse | BestLinearApproximation | AnyModel
 """Anything with a frequency response."""
 
 Rooted = Roots | Estimate | StateSpace

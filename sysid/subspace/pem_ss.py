@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
-from sysid.models.predict import aligned, as_model
+from sysid.models.model_forms import as_model
+from sysid.models.predict import aligned
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.armax import armax
 from sysid.polynomial.data_checks import check_excitation, check_means

@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
-from sysid.models.predict import Choice, as_model, chosen_model, predict
-from sysid.models.state_space import StateSpace
+from sysid.models.model_forms import AnyModel, as_model, check_no_data, chosen_model
+from sysid.models.predict import predict
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Table
 
-Model = StateSpace | Estimate | Choice
+Model = AnyModel
 
 OWN_DATA = "estimated from this record, or from its beginning"
 """What is said of a model on the data of its fit."""
@@ -129,7 +129,9 @@ def compare(
     summed.
 
     Args:
-        models: A model, an estimate or a choice of `auto`, several, or several by name.
+        models: A model, an estimate or a choice of `auto`, several, or several by name. Polynomials take the sampling
+            interval of the data; continuous-time models and systems of python-control and SciPy are sampled at it,
+            exactly for a held input. Systems in discrete time must have the interval of the data.
         data: The record or records, preferably ones that no model was fitted to.
         steps: Horizon of a further prediction, from outputs up to t - steps; one-step prediction and simulation are
             always included.
@@ -138,16 +140,18 @@ def compare(
         One record per model, in their sequence: a tuple that prints as a table.
 
     Raises:
-        SysidError: No model, channels that do not fit, an output that is constant, steps < 1.
+        SysidError: No model, another sampling interval, channels that do not fit, an output that is constant,
+            steps < 1.
 
     Warns:
         SysidWarning: A model was estimated from one of the records.
     """
-    named = models if isinstance(models, Mapping) else _named(models)
-    if not named:
-        raise SysidError("expected at least one model, got none")
+    check_no_data(models)
     steps = whole_number("steps (the simulation is always included)", steps, 1)
     experiments = as_experiments(data, missing=True, series=True)
+    named = models if isinstance(models, Mapping) else _named(models, experiments[0])
+    if not named:
+        raise SysidError("expected at least one model, got none")
     fits = Fits(_fit_to_experiments(name, model, experiments, steps) for name, model in named.items())
     if training := [fit.name for fit in fits if fit.is_training]:
         message = f"{', '.join(training)}: {OWN_DATA}, so that the fit is no validation"
@@ -161,12 +165,12 @@ def is_training(model: Model, experiments: Sequence[IOData]) -> bool:
     return isinstance(model, Estimate) and any(model.data.include(experiment) for experiment in experiments)
 
 
-def _named(models: Model | Sequence[Model]) -> dict[str, Model]:
+def _named(models: Model | Sequence[Model], record: IOData) -> dict[str, Model]:
     """Models by number and method."""
     sequence = models if isinstance(models, Sequence) else [models]
     chosen = [chosen_model(model) for model in sequence]
     for model in chosen:
-        as_model(model)  # refuses what is no model
+        as_model(model, record)  # refuses what is no model
     # numbers tell two estimates of one method apart
     named: dict[str, Model] = {}
     for k, model in enumerate(chosen, 1):

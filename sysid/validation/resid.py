@@ -7,8 +7,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from sysid.models.estimate import Estimate
-from sysid.models.predict import Choice, aligned, as_model, channels_in, residuals
+from sysid.models.model_forms import AnyModel, as_model, check_no_data
+from sysid.models.predict import aligned, channels_in, residuals
 from sysid.models.recursion import kalman_filter
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.correlation import autoregression, covariance_function
@@ -203,9 +203,7 @@ class ResidualTest(Locked):
         return bool(self.white.all() and self.independent.all())
 
 
-def resid(
-    estimate: Estimate | StateSpace | Choice, data: IOData | Sequence[IOData], *, lags: int = 25, level: float = 0.99
-) -> ResidualTest:
+def resid(estimate: AnyModel, data: IOData | Sequence[IOData], *, lags: int = 25, level: float = 0.99) -> ResidualTest:
     """Test the one-step prediction errors of a model on data [Ljung1999, sec. 16.6; LjungBox1978].
 
     Under the null hypothesis r_e(tau) ~ N(0, 1/N), and r_eu(tau) is normal with variance sum_k r_e(k) r_u(k) / N
@@ -216,7 +214,7 @@ def resid(
     they fail every test. Without K, the tests are of the simulation.
 
     Args:
-        estimate: The estimate, or the model itself.
+        estimate: The estimate, or the model itself, in any form that `compare` takes.
         data: Inputs and outputs, of the fit or others; one experiment or several. Of a time series whiteness is tested.
         lags: Largest lag.
         level: Confidence level, between 0 and 1.
@@ -229,8 +227,10 @@ def resid(
             zero.
     """
     level = confidence_level(level)
-    model, experiments = as_model(estimate), as_experiments(data, missing=True, series=True)
+    check_no_data(estimate)
+    experiments = as_experiments(data, missing=True, series=True)
     first = experiments[0]
+    model = as_model(estimate, first)
     errors = [residuals(estimate, experiment)[experiment.window :] for experiment in experiments]
     shortest = min(len(of_experiment) for of_experiment in errors)
     lags = whole_number("lags", lags, 1, shortest // 2 - 1)

@@ -167,7 +167,7 @@ def test_names_that_cannot_be_exported_are_refused(tmp_path):
     twice = replace(plant(), output_names=("u\\", "y"))
     refused("is empty, not printable or not unique", to_fmu, twice, tmp_path / "servo.fmu")
     refused("does not fit on a line", to_matlab, replace(plant(), input_names=("a\n", "b")), tmp_path / "servo.m")
-    refused("expected a StateSpace or an Estimate, got Polynomials", to_c, sysid.Polynomials(), tmp_path / "servo.c")
+    refused("Polynomials have no sampling interval", to_c, sysid.Polynomials(), tmp_path / "servo.c")
     series = replace(plant(), B=np.zeros((3, 0)), D=np.zeros((2, 0)), input_names=None, input_units=None)
     refused("time series, without input", to_fmu, series, tmp_path / "servo.fmu")
     assert list(tmp_path.iterdir()) == []
