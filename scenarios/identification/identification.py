@@ -16,6 +16,7 @@ from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS, estimate
+from scenarios.identification.run_agreement import RunAgreement, run_agreement
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
@@ -73,6 +74,7 @@ class Identification:
         rounded: Whether the residuals of each output are no larger than the rounding of its values, as by an encoder
             (ny,): they are then a function of the output, and hence of the input, of a true model too.
         nonlinearity: Test of nonlinear dependence on the input, on the records of the fit; None of unstable models.
+        agreement: Whether the runs that the model is of have one response; None of one run.
     """
 
     fitted: FittedModel
@@ -84,6 +86,7 @@ class Identification:
     cautions: tuple[str, ...] = ()
     rounded: tuple[bool, ...] = ()
     nonlinearity: NonlinearityTest | None = None
+    agreement: RunAgreement | None = None
 
     @property
     def nonlinear(self) -> tuple[int, ...]:
@@ -141,6 +144,7 @@ class Identification:
             "bic": model.bic,
             "residuals": residuals,
             "nonlinearity": self._nonlinearity_record(),
+            "agreement": None if self.agreement is None else self.agreement.record(),
             "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
             "samples": sum(map(len, fitted.parts)),
             "dt": first.dt,
@@ -267,6 +271,8 @@ def identify(
         # Without a test, the simulated fit alone gives the verdict.
         except SysidError as error:
             untested = str(error)
+        run = partial(estimate, method=method, orders=orders)
+        agreement = run_agreement(fitted.estimate, fitted.parts, run)
     remarks = _remarks(fitted, judged_on_own_records=check is None)
     return Identification(
         fitted,
@@ -277,6 +283,7 @@ def identify(
         remarks,
         rounded=_rounded(records, test),
         nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
+        agreement=agreement,
     )
 
 

@@ -9,7 +9,8 @@ from scenarios.files.data_file import joints_of
 from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.identification import FittedModel, Identification, deviations
-from sysid import Estimate, ModelFit, ResidualTest, StructureChoice
+from scenarios.identification.run_agreement import RunAgreement
+from sysid import Estimate, IOData, ModelFit, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray
@@ -58,6 +59,8 @@ def result_tables(found: FileIdentification) -> tuple[ResultTable, ...]:
         tables.append(ResultTable("Poles from input to output", columns, cells))
     if choice is not None:
         tables.append(_candidate_table(choice))
+    if found.result.agreement is not None and not found.result.agreement.test.untested:
+        tables.append(_runs_table(found.result.agreement, found.result.fitted.parts[0]))
     # The parameters of a state-space model are coordinates, which mean nothing one by one.
     if model.polynomials is not None and len(model.parameters) <= LISTED:
         tables.append(_parameter_table(model))
@@ -73,6 +76,31 @@ def _candidate_table(choice: StructureChoice) -> ResultTable:
         rows.append((str(candidate), *cells))
     title = f"Candidates, the best {len(rows)} of {len(choice.candidates)}"
     return ResultTable(title, ("", "parameters", "loss", "EBIC above the best", ""), tuple(rows))
+
+
+def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
+    """Gain of every run, and whether the others agree without it."""
+    test = agreement.test
+    word = "agree" if test.agree else "differ"
+    columns, rows = (
+        ["", "p without it"],
+        [[name, f"{p:.2g}"] for name, p in zip(test.runs, test.p_without, strict=True)],
+    )
+    for i, j in np.ndindex(test.gain_ratios.shape[1:]):
+        path = (
+            f", {(record.input_names or ())[j]} → {(record.output_names or ())[i]}"
+            if test.gain_ratios[0].size > 1
+            else ""
+        )
+        columns.append(f"gain over that of the model{path}")
+        for k, row in enumerate(rows):
+            row.append(f"{test.gain_ratios[k, i, j]:.4g} ± {test.gain_deviations[k, i, j]:.2g}")
+        if not test.agree:
+            columns.append(f"gain at 0 Hz of the run alone{path}")
+            for k, row in enumerate(rows):
+                row.append(f"{agreement.gains[k, i, j]:.4g}")
+    title = f"Runs: they {word} in their response to the input (p = {test.p_value:.2g})"
+    return ResultTable(title, tuple(columns), tuple(map(tuple, rows)))
 
 
 def _parameter_table(model: Estimate) -> ResultTable:
@@ -116,6 +144,8 @@ def verdict(result: Identification) -> str:
     """
     fits = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
     lowest = float(np.min(result.fit.simulation))
+    if result.agreement is not None and result.agreement.words:
+        return f"not sufficient: {result.agreement.words}; simulated fit {fits}"
     if not result.fitted.estimate.model.input_path().is_stable():
         return _verdict_of_unstable(result)
     # "not >=" also catches the fit of a simulation that overflows, which may be NaN.

@@ -4,6 +4,7 @@ from sysid.validation.compare import ModelFit, compare, fit_percent
 from sysid.validation.cramer_rao import CramerRaoBound, cramer_rao_bound
 from sysid.validation.cross_validation import CrossValidation, cross_validate
 from sysid.validation.feedback import FeedbackTest, feedback
+from sysid.validation.homogeneity import HomogeneityTest, homogeneity
 from sysid.validation.identifiability import Identifiability, identifiability
 from sysid.validation.input_independence import InputIndependence, input_independence
 from sysid.validation.resid import ResidualTest, resid
@@ -14,6 +15,7 @@ __all__ = [
     "CramerRaoBound",
     "CrossValidation",
     "FeedbackTest",
+    "HomogeneityTest",
     "Identifiability",
     "InputIndependence",
     "ModelFit",
@@ -25,6 +27,7 @@ __all__ = [
     "cross_validate",
     "feedback",
     "fit_percent",
+    "homogeneity",
     "identifiability",
     "input_independence",
     "resid",
