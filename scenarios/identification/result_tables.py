@@ -95,7 +95,7 @@ def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
         columns.append(f"gain over that of the model{path}")
         for k, row in enumerate(rows):
             row.append(f"{test.gain_ratios[k, i, j]:.4g} ± {test.gain_deviations[k, i, j]:.2g}")
-        if not test.agree:
+        if not agreement.agree:
             columns.append(f"gain at 0 Hz of the run alone{path}")
             for k, row in enumerate(rows):
                 row.append(f"{agreement.gains[k, i, j]:.4g}")
@@ -145,6 +145,7 @@ def verdict(result: Identification) -> str:
     fits = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
     lowest = float(np.min(result.fit.simulation))
     if result.agreement is not None and result.agreement.words:
+        # Runs that differ also look nonlinear to the model of all of them.
         return f"not sufficient: {result.agreement.words}; simulated fit {fits}"
     if not result.fitted.estimate.model.input_path().is_stable():
         return _verdict_of_unstable(result)

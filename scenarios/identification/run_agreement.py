@@ -10,6 +10,12 @@ from sysid.polynomial.fit_with_offset import runs
 from sysid.records.arrays import FloatArray
 from sysid.validation.homogeneity import HomogeneityTest, homogeneity
 
+MATERIAL = 0.05
+"""Difference between responses of runs, relative to the response, from which on one model of all is none of theirs.
+
+Without noise any difference is significant, also that of a rounding or of a slight nonlinearity.
+"""
+
 
 @dataclass(frozen=True, eq=False)
 class RunAgreement:
@@ -24,9 +30,14 @@ class RunAgreement:
     gains: FloatArray
 
     @property
+    def agree(self) -> bool:
+        """Whether no difference between the runs is both significant and large enough to matter."""
+        return self.test.agree or not float(np.nanmax(self.test.differences)) >= MATERIAL
+
+    @property
     def words(self) -> str:
         """Why a model of all runs is not sufficient; empty where they agree."""
-        if self.test.agree:
+        if self.agree:
             return ""
         words = f"the runs do not have one response to the input (p = {self.test.p_value:.2g})"
         if self.test.deviating:
@@ -57,11 +68,12 @@ class RunAgreement:
             by_run[name] = {
                 "gain_ratio": self.test.gain_ratios[k],
                 "deviation": self.test.gain_deviations[k],
+                "difference": self.test.differences[k],
                 "p_without": self.test.p_without[k],
                 "dc_gain": self.gains[k],
             }
         return {
-            "agree": self.test.agree,
+            "agree": self.agree,
             "p": self.test.p_value,
             "deviating": self.test.deviating,
             "untested": self.test.untested,
@@ -84,11 +96,12 @@ def run_agreement(
         return None
     test = homogeneity(model, parts)
     gains = np.full(test.gain_ratios.shape, np.nan)
-    if not test.agree:
+    agreement = RunAgreement(test, gains)
+    if not agreement.agree:
         for k, of_run in enumerate(places):
             try:
                 gains[k] = fit([parts[place] for place in of_run]).dc_gain()
             # a run too short for a model of its own; the test needs none
             except SysidError:
                 continue
-    return RunAgreement(test, gains)
+    return agreement

@@ -34,10 +34,12 @@ class HomogeneityTest(Locked):
     Attributes:
         runs: Name of each run (K,).
         p_value: Of the hypothesis that all runs have one response; NaN where the test cannot be made.
-        statistic: Q over the chi-square quantile: the least p-value of its tests follows from this one's Q.
+        statistic: Q of the test with the least p-value.
         freedom: Degrees of freedom of that Q.
         gain_ratios: Gain of each run relative to the model of all runs (K, ny, nu).
         gain_deviations: Their standard deviations (K, ny, nu).
+        differences: Root mean square of the change of each run's response from the common one, over that of the
+            simulated output, at the inputs of the run (K, ny); chance has part in it.
         p_without: p-values without each run (K,); NaN for two runs, of which none can be left out.
         deviating: Runs without which the others agree, in the sequence in which they were left out.
         level: Confidence level.
@@ -50,6 +52,7 @@ class HomogeneityTest(Locked):
     freedom: int
     gain_ratios: FloatArray
     gain_deviations: FloatArray
+    differences: FloatArray
     p_without: FloatArray
     deviating: tuple[str, ...]
     level: float
@@ -82,15 +85,21 @@ class RunRegression:
         information: X' X of the changes of the simulation (p, p).
         moment: X' v (p,).
         freedom: Degrees of freedom of the residuals.
+        power: X' X before the whitening, over the sum of squares of the simulation (p, p).
     """
 
     information: FloatArray
     moment: FloatArray
     freedom: int
+    power: FloatArray
 
     def within(self, kept: slice) -> "RunRegression":
         """The regression on some of the changes alone."""
-        return RunRegression(self.information[kept, kept], self.moment[kept], self.freedom)
+        return RunRegression(self.information[kept, kept], self.moment[kept], self.freedom, self.power[kept, kept])
+
+    def size(self, change: FloatArray) -> float:
+        """Root mean square that a change of the parameters gives the output, over that of the simulation."""
+        return float(np.sqrt(max(change @ self.power @ change, 0.0)))
 
 
 def homogeneity(estimate: Estimate, data: IOData | Sequence[IOData], *, level: float = 0.99) -> HomogeneityTest:
@@ -137,6 +146,7 @@ def homogeneity(estimate: Estimate, data: IOData | Sequence[IOData], *, level: f
         return _untested(estimate, names, level, "the runs are too short, or the model simulates them exactly")
     p, statistic, freedom = _p_of(regressions, list(range(len(runs))), estimate.model.nu)
     ratios, deviations = _gains(regressions, estimate.model)
+    differences = _differences(regressions, estimate.model)
     p_without = _p_without_each(regressions, list(range(len(runs))), estimate.model.nu)
     deviating = _deviating(regressions, estimate.model.nu, 1.0 - level)
     return HomogeneityTest(
@@ -146,6 +156,7 @@ def homogeneity(estimate: Estimate, data: IOData | Sequence[IOData], *, level: f
         freedom=freedom,
         gain_ratios=ratios,
         gain_deviations=deviations,
+        differences=differences,
         p_without=p_without,
         deviating=tuple(names[k] for k in deviating),
         level=level,
@@ -169,6 +180,7 @@ def _untested(estimate: Estimate, names: tuple[str, ...], level: float, reason: 
         freedom=0,
         gain_ratios=unknown,
         gain_deviations=unknown,
+        differences=unknown[:, :, 0],
         p_without=np.full(len(names), np.nan),
         deviating=(),
         level=level,
@@ -184,12 +196,14 @@ class OutputTable:
         deviation: Measured minus simulated output, NaN where none is known (N,).
         changes: Of the simulation with the gain of each input and with the parameters (N, nu + p).
         transients: With the initial state and a constant (N, n + 1).
+        simulated_power: Sum of squares of the simulated output.
         size: Root mean square of the output.
     """
 
     deviation: FloatArray
     changes: FloatArray
     transients: FloatArray
+    simulated_power: float
     size: float
 
 
@@ -216,13 +230,15 @@ def _tables(estimate: Estimate, part: IOData) -> list[OutputTable]:
     free = np.zeros((len(part), model.ny, path.order))
     died_out = free_response(path.A, path.C, len(part))
     free[: len(died_out)] = died_out
-    deviations = y - by_gains.sum(axis=0)
+    simulation = by_gains.sum(axis=0)
+    deviations = y - simulation
     tables = []
     for i in range(model.ny):
         changes = np.vstack((by_gains[:, :, i], by_parameters[:, :, i])).T
         transients = np.column_stack((free[:, i], np.ones(len(part))))
         size = float(np.sqrt(np.nanmean(y[:, i] ** 2)))
-        tables.append(OutputTable(deviations[:, i], changes, transients, size))
+        power = float(np.sum(simulation[:, i] ** 2))
+        tables.append(OutputTable(deviations[:, i], changes, transients, power, size))
     return tables
 
 
@@ -267,7 +283,9 @@ def _whitened_regression(tables: Sequence[OutputTable], whitener: FloatArray) ->
         return None
     errors = target - changes @ solution
     variance = float(errors @ errors) / freedom
-    return RunRegression(changes.T @ changes / variance, changes.T @ target / variance, freedom)
+    unfiltered = np.vstack([table.changes for table in tables])
+    power = unfiltered.T @ unfiltered / max(float(sum(table.simulated_power for table in tables)), np.finfo(float).tiny)
+    return RunRegression(changes.T @ changes / variance, changes.T @ target / variance, freedom, power)
 
 
 def _disturbances(runs: Sequence[Sequence[OutputTable]]) -> list[FloatArray]:
@@ -372,6 +390,30 @@ def _gains(regressions: Sequence[Sequence[RunRegression | None]], model: StateSp
             ratios[k, i] = 1.0 + inverse @ gains.moment
             deviations[k, i] = np.sqrt(np.diag(inverse))
     return ratios, deviations
+
+
+def _differences(regressions: Sequence[Sequence[RunRegression | None]], model: StateSpace) -> FloatArray:
+    """Change of the response of every run from the common one, relative to the simulation (K, ny)."""
+    differences = np.full((len(regressions), model.ny), np.nan)
+    for i in range(model.ny):
+        of_output = {
+            k: regression for k, by_output in enumerate(regressions) if (regression := by_output[i]) is not None
+        }
+        if not of_output:
+            continue
+        # without parameters in it, the changes of the gains
+        compared = slice(model.nu, None) if len(next(iter(of_output.values())).moment) > model.nu else slice(None)
+        kept = {k: regression.within(compared) for k, regression in of_output.items()}
+        information = np.sum([regression.information for regression in kept.values()], axis=0)
+        common = _change(information, np.sum([regression.moment for regression in kept.values()], axis=0))
+        for k, regression in kept.items():
+            differences[k, i] = regression.size(_change(regression.information, regression.moment) - common)
+    return differences
+
+
+def _change(information: FloatArray, moment: FloatArray) -> FloatArray:
+    """Estimated changes A^+ m (p,)."""
+    return np.asarray(np.linalg.pinv(information, rcond=DETERMINED, hermitian=True) @ moment)
 
 
 def _p_without_each(regressions: Sequence[Sequence[RunRegression | None]], runs: Sequence[int], nu: int) -> FloatArray:

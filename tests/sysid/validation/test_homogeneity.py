@@ -10,14 +10,17 @@ B, A = [0.0, 0.1, 0.05], np.poly([0.8 + 0.3j, 0.8 - 0.3j]).real
 
 
 def runs(seed, gains, *, noise=0.1, samples=400):
-    """Runs of one resonance with gains and levels of their own, and noise of first order in them."""
+    """Runs of one resonance with gains and levels of their own, and noise of first order in them; exact without."""
     rng, records = np.random.default_rng(seed), []
     for k, gain in enumerate(gains):
         u = np.repeat(rng.choice([-1.0, 1.0], samples), 4)[:samples]
         y = lfilter(B, A, gain * u)
         v = lfilter([1.0], [1.0, -0.7], rng.standard_normal(samples))
-        y = y + noise * y.std() * v / v.std() + 5.0 * k
-        records.append(IOData(u, y, 0.02, name=f"run-{k}").detrend())
+        y = y + noise * y.std() * v / v.std()
+        if noise == 0.0:
+            records.append(IOData(u, y, 0.02, name=f"run-{k}"))
+        else:
+            records.append(IOData(u, y + 5.0 * k, 0.02, name=f"run-{k}").detrend())
     return records
 
 
@@ -27,6 +30,7 @@ def test_runs_of_one_system_agree_and_their_gains_are_one():
     assert test.agree and test.deviating == ()
     assert test.p_value > 0.01
     np.testing.assert_allclose(test.gain_ratios, 1.0, atol=0.05)
+    assert test.differences.max() < 0.1
     assert "they agree" in str(test)
 
 
@@ -36,7 +40,9 @@ def test_the_run_with_another_gain_is_named_and_its_gain_given():
     assert not test.agree
     assert test.p_value < 1e-6
     assert test.deviating == ("run-2",)
-    assert np.argmax(test.p_without) == 2
+    assert np.argmax(test.p_without) == np.argmax(test.differences) == 2
+    # 1.3 of the run less 1.06, the mean of all, over 1.06
+    assert test.differences[2, 0] == pytest.approx(0.24 / 1.06, abs=0.06)
     ratios = test.gain_ratios.ravel()
     assert ratios[2] / ratios[[0, 1, 3, 4]].mean() == pytest.approx(1.3, abs=4.0 * test.gain_deviations.max())
 
@@ -67,7 +73,7 @@ def test_missing_outputs_are_left_out():
     data = runs(6, (1.0, 1.0, 1.3, 1.0))
     y = data[0].y.copy()
     y[100:110] = np.nan
-    data[0] = IOData(data[0].u, y, 0.02, name="gaps")
+    data[0] = IOData(data[0].u, y, 0.02, name="gaps", missing=True)
     assert homogeneity(oe(data[1:], 2, 2, 1), data).deviating == ("run-2",)
 
 
