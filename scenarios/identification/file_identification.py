@@ -2,7 +2,7 @@
 
 import warnings as python_warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -104,7 +104,7 @@ def identify_files(
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
         pieces: list[IOData] = []
         for path in data:
-            pieces += usable(read(path, joint=joint, test=test), skip, path, test)
+            pieces += _named_apart(usable(read(path, joint=joint, test=test), skip, path, test), path, data)
         records = one_interval(pieces)
         check: tuple[IOData, ...] | None = None
         if validate is not None:
@@ -138,6 +138,14 @@ def identify_files(
     return FileIdentification(title, result, choice, (*messages, *result.warnings))
 
 
+def _named_apart(records: Sequence[IOData], path: Path, data: Sequence[Path]) -> list[IOData]:
+    """Records of a file, named by its folder too where another file has its name: equal names would make one run."""
+    same_names = [other for other in data if other.stem == path.stem]
+    if len(same_names) < 2:
+        return list(records)
+    return [replace(record, name=f"{path.parent}/{record.name}") for record in records]
+
+
 def _held_out_share(orders: Sequence[int], held_out: float | None, validate: Path | None) -> float:
     """Part of the longest record that judges the model: by default one only where orders are chosen."""
     if held_out is not None:
@@ -152,7 +160,7 @@ def _held_out_share(orders: Sequence[int], held_out: float | None, validate: Pat
 
 
 def _held_out_in_words(held_out: IOData, data: Sequence[Path]) -> str:
-    names = [path.name for path in data if path.stem == held_out.name]
+    names = [path.name for path in data if held_out.name in (path.stem, f"{path.parent}/{path.stem}")]
     name = names[0] if names else held_out.name or data[0].name
     start, end = held_out.start + held_out.window * held_out.dt, held_out.start + len(held_out) * held_out.dt
     return f"{name} {start:.6g} to {end:.6g} s, held out: the model is not estimated from them"

@@ -11,7 +11,7 @@ from sysid.models.estimate import Estimate, as_estimate
 from sysid.models.predict import channels_in, output
 from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.correlation import autoregression
+from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
@@ -99,7 +99,7 @@ class RunRegression:
 
     def size(self, change: FloatArray) -> float:
         """Root mean square that a change of the parameters gives the output, over that of the simulation."""
-        return float(np.sqrt(max(change @ self.power @ change, 0.0)))
+        return float(np.sqrt(max(float(change @ self.power @ change), 0.0)))
 
 
 def homogeneity(estimate: Estimate, data: IOData | Sequence[IOData], *, level: float = 0.99) -> HomogeneityTest:
@@ -250,7 +250,7 @@ def _simulated(model: StateSpace, u: FloatArray) -> FloatArray:
 def _regressions(runs: Sequence[Sequence[OutputTable]]) -> list[RunRegression | None]:
     """Regressions of one output of every run; None for one with too few samples, or that is simulated exactly."""
     disturbances = _disturbances(runs)
-    regressions = []
+    regressions: list[RunRegression | None] = []
     for tables, disturbance in zip(runs, disturbances, strict=True):
         samples = int(np.isfinite(disturbance).sum())
         unknowns = tables[0].changes.shape[1] + len(tables) * tables[0].transients.shape[1]
@@ -258,9 +258,27 @@ def _regressions(runs: Sequence[Sequence[OutputTable]]) -> list[RunRegression | 
         if samples < 2 * unknowns or not np.sqrt(np.nanmean(disturbance**2)) > NEGLIGIBLE * size:
             regressions.append(None)
             continue
-        whitener, _ = autoregression(disturbance, min(COLOUR, samples // COLOUR), select=True)
+        whitener = _whitener(disturbance, min(COLOUR, samples // COLOUR))
         regressions.append(_whitened_regression(tables, whitener))
     return regressions
+
+
+def _whitener(disturbance: FloatArray, most: int) -> FloatArray:
+    """Filter 1, a1, ... that makes a disturbance (N,) white, of the order up to `most` that BIC prefers [Schwarz1978].
+
+    By least squares: the Yule-Walker equations flatten the resonances of short records, which made 3 % instead of 1 %
+    of agreeing runs with a resonant disturbance seem to differ.
+    """
+    rows = np.column_stack((lagged(disturbance, range(1, most + 1), most), disturbance[most:]))
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    least, whitener = np.inf, np.ones(1)
+    for order in range(most + 1):
+        coefficients = np.linalg.lstsq(rows[:, :order], rows[:, -1], rcond=None)[0]
+        errors = rows[:, -1] - rows[:, :order] @ coefficients
+        bic = float(np.log(np.mean(errors**2)) + order * np.log(len(rows)) / len(rows))
+        if bic < least:
+            least, whitener = bic, np.concatenate(([1.0], -coefficients))
+    return whitener
 
 
 def _whitened_regression(tables: Sequence[OutputTable], whitener: FloatArray) -> RunRegression | None:
