@@ -1,10 +1,12 @@
-"""Identification from data files: what `hmtb identify` does, for programs."""
+"""Identification from data files: what `hmtb identify` does, for programs, and requests of it that can be repeated."""
 
+import inspect
 import warnings as python_warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from scenarios.files.data_file import Names, joints_of, read_parts
 from scenarios.files.errors import ScenarioError
@@ -164,3 +166,54 @@ def _held_out_in_words(held_out: IOData, data: Sequence[Path]) -> str:
     name = names[0] if names else held_out.name or data[0].name
     start, end = held_out.start + held_out.window * held_out.dt, held_out.start + len(held_out) * held_out.dt
     return f"{name} {start:.6g} to {end:.6g} s, held out: the model is not estimated from them"
+
+
+_PARAMETERS = inspect.signature(identify_files).parameters.values()
+DEFAULTS = {parameter.name: parameter.default for parameter in _PARAMETERS if parameter.kind is parameter.KEYWORD_ONLY}
+DEFAULTS |= {"input": ("u",), "output": ("y",)}  # as the command line has them, which takes several names
+"""Options of `identify_files`, in their sequence, with their values where they are not given."""
+
+
+@dataclass(frozen=True)
+class IdentificationRequest:
+    """Files and options of one identification.
+
+    Attributes:
+        data: The files.
+        options: Options of `identify_files`; those that are left at their defaults are dropped.
+    """
+
+    data: tuple[Path, ...]
+    options: Mapping[str, Any]
+
+    def __post_init__(self) -> None:
+        options = {name: self.options.get(name, default) for name, default in DEFAULTS.items()}
+        changed = {name: value for name, value in options.items() if value != DEFAULTS[name]}
+        object.__setattr__(self, "options", changed)
+
+    def run(self) -> FileIdentification:
+        """Identify; raises what `identify_files` raises."""
+        return identify_files(self.data, **self.options)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """The command."""
+        words = ["hmtb", "identify", *map(str, self.data)]
+        for name, value in self.options.items():
+            words.append(f"--{name.replace('_', '-')}")
+            if isinstance(value, tuple):
+                words += map(str, value)
+            elif value is not True:  # a flag has no value
+                words.append(str(value))
+        return tuple(words)
+
+    @property
+    def python(self) -> str:
+        """The call of `identify_files`."""
+        arguments = [f"[{', '.join(map(_literal, self.data))}]"]
+        arguments += [f"{name}={_literal(value)}" for name, value in self.options.items()]
+        return f"identify_files({', '.join(arguments)})"
+
+
+def _literal(value: object) -> str:
+    return f"Path({str(value)!r})" if isinstance(value, Path) else repr(value)

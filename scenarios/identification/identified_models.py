@@ -3,9 +3,9 @@
 from collections.abc import Callable
 
 from scenarios.files.errors import ScenarioError
+from scenarios.identification.file_identification import IdentificationRequest
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.model_display import IdentifiedModel, draw_figures, identify_request
-from scenarios.identification.request import IdentificationRequest
 from scenarios.jobs.work import Work
 from sysid.plots import PALETTE, Style
 

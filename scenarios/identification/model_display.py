@@ -12,7 +12,7 @@ from scenarios.experiments.recipe import Recipe
 from scenarios.files.data_file import joints_of
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.comparison_figures import StyledModel, side_by_side
-from scenarios.identification.file_identification import FileIdentification
+from scenarios.identification.file_identification import FileIdentification, IdentificationRequest
 from scenarios.identification.model_comparison import (
     JudgedModel,
     compare_models,
@@ -20,7 +20,6 @@ from scenarios.identification.model_comparison import (
     records_about_means,
 )
 from scenarios.identification.named_models import ModelName
-from scenarios.identification.request import IdentificationRequest
 from scenarios.identification.result_tables import result_tables
 from scenarios.report.figures import SETTINGS
 from scenarios.report.html_pieces import card, listing, table

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from hmtb_twin import JOINTS
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.comparison_figures import FIGURES
+from scenarios.identification.file_identification import IdentificationRequest
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.model_display import identification_recipe, model_list, numbers
-from scenarios.identification.request import IdentificationRequest
 from scenarios.station.fields import Field, Form, Message, reporting
 from scenarios.station.recipe import RecipeView
 from scenarios.station.session import Session

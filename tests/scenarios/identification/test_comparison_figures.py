@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from scenarios.identification.comparison_figures import FIGURES, StyledModel, side_by_side
+from scenarios.identification.file_identification import IdentificationRequest
 from scenarios.identification.model_display import identify_request, model_list
-from scenarios.identification.request import IdentificationRequest
 
 
 @pytest.mark.slow
