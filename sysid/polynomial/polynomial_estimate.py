@@ -18,6 +18,7 @@ from sysid.polynomial.data_checks import after_rest, check_excitation, check_mea
 from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
+from sysid.polynomial.offset_test import missing_constant, offset_messages
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import (
     InitialEstimate,
@@ -70,10 +71,12 @@ def make_estimate(
     messages: Sequence[str],
     at_rest: bool = False,
     recorded: Sequence[IOData] | None = None,
+    looked_for_offset: bool = False,
 ) -> Estimate:
     """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest.
 
     The `recorded` experiments are those that the model recognises as its own, where trends were subtracted from them.
+    Unless the estimator `looked_for_offset`, the errors of the model show whether it lacks one.
     """
     summary = DataSummary.of(experiments)
     if recorded is not None:
@@ -89,6 +92,10 @@ def make_estimate(
         messages = (*messages, message)
         # the user's line: estimators call a function for all of a kind, which calls this one
         warnings.warn(message, SysidWarning, stacklevel=4)
+    if not (looked_for_offset or orders.trend_terms or any("offset" in message for message in messages)):
+        of_offset = offset_messages(model, experiments)
+        messages = (*messages, *of_offset)
+        warn_each(of_offset, stacklevel=4)
     with warnings.catch_warnings():
         # the estimator has already refused or reported an unstable predictor
         warnings.simplefilter("ignore", SysidWarning)
@@ -250,6 +257,11 @@ def prediction_error_estimate(
     messages += _long_memory(orders, at)
     warn_each(messages, stacklevel=3)
     diagnostics = _diagnostics(result, condition)
+    is_free = initial_conditions is InitialConditions.ESTIMATED
+    if complete and is_free and levelled is None and not any("offset" in message for message in messages):
+        of_offset = missing_constant(experiments, orders, at)
+        messages += of_offset
+        warn_each(of_offset, stacklevel=3)
     if levelled is not None:
         levelled = levelled.subtract(trends_of_outputs(experiments, orders, at.theta, initial_conditions))
         experiments = levelled.experiments
@@ -266,6 +278,7 @@ def prediction_error_estimate(
         messages=messages,
         at_rest=rest,
         recorded=recorded,
+        looked_for_offset=complete and is_free,
     )
 
 

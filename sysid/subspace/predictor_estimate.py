@@ -12,10 +12,11 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace, is_covariance
+from sysid.polynomial.offset_test import offset_messages
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray, real_array
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.subspace.predictor import Predictor, Scales
 
 LEAST_WEIGHT = 1e-6  # of outputs that a weight ignores, relative to the largest: their rows of C and D stay determined
@@ -134,6 +135,10 @@ def make_predictor_estimate(
         scored_errors = np.concatenate([error[e.window :] for error, e in zip(errors, experiments, strict=True)])
         variance = scored_errors.T @ scored_errors / freedom
     realise = RealiseLocally(predictor, basis, parameters, scales, summary, variance)
+    if not any("offset" in message for message in messages):
+        of_offset = offset_messages(realise(parameters), experiments)
+        messages = (*messages, *of_offset)
+        warn_each(of_offset, stacklevel=3)
     return Estimate(
         model=realise(parameters),
         polynomials=None,

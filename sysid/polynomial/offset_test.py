@@ -1,0 +1,130 @@
+"""A test for a constant in the outputs that a fitted model lacks."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.models.predict import residuals
+from sysid.models.state_space import StateSpace
+from sysid.polynomial.correlation import autoregression
+from sysid.polynomial.error_jacobian import error_jacobian
+from sysid.polynomial.fit_with_offset import unexplained_offset
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.orders import Orders
+from sysid.polynomial.prediction_error import Linearisation, LinearModel, linearise, minimise
+from sysid.polynomial.trends import OFFSET
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import Message, SysidWarning
+
+MATERIAL = 0.05  # offset, relative to the deviation of the output, from which on it biases a gain noticeably
+CERTAIN = 30.0  # evidence, chi-squared with a degree of freedom for each output: five deviations
+LONGEST = 20_000  # samples of a record that are looked at: a transient at the beginning moves the mean of no longer one
+REFINEMENTS = 15  # steps of a fit with a constant, which shows whether the one without lacks it
+COLOUR = 20  # highest order of the autoregressive model of the errors
+ERRORS_PER_COEFFICIENT = 20  # of that model, at least
+EXACT = 1e-20  # sum of squares of the errors, relative to that of the outputs, that is rounding
+
+ADVICE = "; oe, arx, armax, bj, tfest and procest take offset=True"
+
+
+def offset_messages(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
+    """Describe the constant that one-step errors show, the most certain of all experiments.
+
+    A record that begins far from its level keeps a constant when its mean is subtracted, as the transient belongs to
+    the mean. Nothing in the fit tells it: the gain gives way. The evidence is the decrease of the squared errors by a
+    constant in the output, the initial state free, over their spectrum at 0 Hz.
+    """
+    if not model.nu:
+        return []
+    best, evidence, where = np.zeros(model.ny), 0.0, ""
+    for k, experiment in enumerate(experiments):
+        record = experiment[: experiment.window + LONGEST]
+        offset, found = _evidence(model, record)
+        if found > evidence:
+            best, evidence = offset, found
+            where = f" in experiment {experiment.name or k + 1}" if len(experiments) > 1 else ""
+    return offset_message(best, evidence, where, experiments[0].output_names or ())
+
+
+def offset_message(offset: FloatArray, evidence: float, where: str, names: Sequence[str]) -> list[str]:
+    """The message on an offset of each output (ny,), if the evidence is enough."""
+    if evidence <= CERTAIN:
+        return []
+    levels = ", ".join(f"about {level:.4g} in {name}" for name, level in zip(names, offset, strict=True))
+    text = (
+        f"the errors{where} keep an offset of the output, {levels}, which the model lacks: its gain and slow poles are "
+        f"biased, as where the mean of a transient was subtracted{ADVICE}"
+    )
+    return [Message(text, "missing-offset", offset=ADVICE)]
+
+
+def missing_constant(experiments: Sequence[IOData], orders: Orders, at: Linearisation) -> list[str]:
+    """Message on a constant of the output that a polynomial model lacks, by a fit with one, refined for a few steps.
+
+    The parameters move: those of an output-error model follow the transient that a constant leaves, and nothing is seen
+    as long as they stay.
+    """
+    if max(map(len, experiments)) > LONGEST or not orders.nb:
+        return []
+    with_constant = replace(orders, trend=OFFSET)
+    energy = sum(float(e.y[:, 0] @ e.y[:, 0]) for e in experiments)
+    if not at.cost > EXACT * energy:
+        return []
+    start = linearise(experiments, with_constant, at.theta)
+    _, promised = LinearModel.at(start, None).step(0.0)
+    free = start.errors - orders.count - start.transients
+    if free < 1 or (at.cost - start.cost + promised) * free <= CERTAIN * max(start.cost - promised, 0.0):
+        return []
+    refined = minimise(experiments, with_constant, start, max_iterations=REFINEMENTS).at
+    if not refined.cost > EXACT * energy:
+        return []
+    evidence, place, level = 0.0, 0, 0.0
+    for k, experiment in enumerate(experiments):
+        jacobian = error_jacobian(experiment, with_constant, refined.theta, InitialConditions.ESTIMATED)
+        if abs(jacobian.trend[0]) > abs(level) and is_material(jacobian.trend, experiment):
+            place, level = k, float(jacobian.trend[0])
+            spectrum = spectrum_at_zero(jacobian.columns[:, -1:])
+            evidence = (at.cost - refined.cost) / (refined.cost / free) / max(spectrum, 1.0) / len(experiments)
+    where = f" in experiment {experiments[place].name or place + 1}" if len(experiments) > 1 else ""
+    return offset_message(np.array([level]), evidence, where, experiments[0].output_names or ())
+
+
+def _evidence(model: StateSpace, record: IOData) -> tuple[FloatArray, float]:
+    """Constant of each output (ny,) that explains most of the errors, and its evidence; 0 where it cannot be told."""
+    samples = int(record.known[record.window :].sum())
+    free = samples - model.order - model.ny
+    none = np.zeros(model.ny)
+    if free < ERRORS_PER_COEFFICIENT:
+        return none, 0.0
+    offset, before, after = unexplained_offset(model, [record])
+    exact = EXACT * float(np.nansum(record.y**2))
+    if not np.isfinite(before) or not after > exact:
+        return none, 0.0
+    evidence = (before - after) / (after / free) / model.ny
+    if evidence <= CERTAIN:
+        return none, 0.0
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", SysidWarning)
+        errors = residuals(model, record.subtract(y=offset))[record.window :]
+    if not np.isfinite(errors[record.known[record.window :]]).all():
+        return none, 0.0
+    return offset, float(is_material(offset, record)) * evidence / max(spectrum_at_zero(errors), 1.0)
+
+
+def is_material(offset: FloatArray, record: IOData) -> bool:
+    """Whether an offset of the outputs (ny,) is large enough beside their movements to bias a gain noticeably."""
+    return bool((np.abs(offset) > MATERIAL * np.nanstd(record.y[record.window :], axis=0)).any())
+
+
+def spectrum_at_zero(errors: FloatArray) -> float:
+    """Largest spectrum at 0 Hz of errors (N, ny), NaN where missing, relative to that of white ones."""
+    largest = 0.0
+    for column in errors.T:
+        order = min(COLOUR, int(np.isfinite(column).sum()) // ERRORS_PER_COEFFICIENT)
+        whitener, correlations = autoregression(column, order, select=True)
+        innovations = float(whitener @ correlations[: len(whitener)])
+        largest = max(largest, innovations / max(float(whitener.sum()) ** 2, float(np.finfo(float).tiny)))
+    return largest
