@@ -47,6 +47,8 @@ def identify(
     missing: bool = False,
     skip: float = 0.0,
     keep_mean: bool = False,
+    offset: bool = False,
+    trend: bool = False,
     steps: int = 1,
     held_out: float | None = None,
     validate: Path | None = None,
@@ -98,6 +100,10 @@ def identify(
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete. Gaps of the times still cut.
         skip: Leave out this much of the start, s.
         keep_mean: Use the values as they are, without an operating point.
+        offset: Fit a constant of the output together with the parameters, so that their deviations allow for it; by
+            default it is estimated in turns with the model.
+        trend: Fit a straight line in the output together with the parameters: a drift. Where orders are chosen, a line
+            is tried without this option too.
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
         held_out: Part of the record, its end, on which fits and residual test are computed and from which nothing is
             estimated, 0 to 0.9.
@@ -136,6 +142,8 @@ def identify(
             missing=missing,
             skip=skip,
             keep_mean=keep_mean,
+            offset=offset,
+            trend=trend,
             steps=steps,
             held_out=held_out,
             validate=validate,

@@ -61,6 +61,8 @@ def identify_files(
     missing: bool = False,
     skip: float = 0.0,
     keep_mean: bool = False,
+    offset: bool = False,
+    trend: bool = False,
     steps: int = 1,
     held_out: float | None = None,
     validate: Path | None = None,
@@ -82,6 +84,8 @@ def identify_files(
         missing: Whether outputs may be missing.
         skip: Length of the start that is left out, s.
         keep_mean: Whether to use the values as they are, without an operating point.
+        offset: Whether to fit a constant of the output together with the parameters.
+        trend: Whether to fit a straight line likewise.
         steps: Horizon of a further prediction, samples.
         held_out: Part of the longest record, its end, that judges the model instead of taking part in the estimate;
             a quarter when None and something is chosen, else nothing.
@@ -99,6 +103,11 @@ def identify_files(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     if held_out is not None and validate is not None:
         raise ScenarioError("--held-out and --validate given; expected one: what judges the model")
+    if keep_mean and (offset or trend):
+        raise ScenarioError(
+            f"--keep-mean and {'--trend' if trend else '--offset'} given; expected one: the values as they are, or "
+            "about an operating point"
+        )
     share = _held_out_share(orders, held_out, validate)
     # Remarks of the readers belong to the result, for the command line and the page alike.
     with python_warnings.catch_warnings(record=True) as caught:
@@ -124,12 +133,27 @@ def identify_files(
         choice: StructureChoice | None = None
         # Without orders, the method alone limits the choice.
         if orders and method is not None:
+            asked = {name: True for name, is_asked in (("offset", offset), ("trend", trend)) if is_asked}
             result = identify(
-                records, method, orders, keep_mean=keep_mean, steps=steps, check=check, continued=validate is None
+                records,
+                method,
+                orders,
+                keep_mean=keep_mean,
+                trend=asked,
+                steps=steps,
+                check=check,
+                continued=validate is None,
             )
         else:
             result, choice = choose_and_identify(
-                records, method, keep_mean=keep_mean, steps=steps, check=check, continued=validate is None
+                records,
+                method,
+                keep_mean=keep_mean,
+                offset=True if offset else None,
+                trend=True if trend else None,
+                steps=steps,
+                check=check,
+                continued=validate is None,
             )
     title = f"{result.fitted.estimate.method.upper()} from {listed([path.name for path in data])}"
     if validate is not None:

@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -14,12 +14,15 @@ import numpy as np
 import sysid
 from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
-from scenarios.files.errors import ScenarioError
+from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS, estimate
 from scenarios.identification.run_agreement import RunAgreement, run_agreement
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
+from sysid.polynomial.orders import Orders
+from sysid.polynomial.polynomial_estimate import trends_of_outputs
+from sysid.polynomial.trends import trend_degree
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
@@ -204,6 +207,8 @@ def fit_model(
 
 def _check_trend(method: str, trend: Mapping[str, bool]) -> None:
     """Refuse options for a trend that the estimator does not have."""
+    if method not in ESTIMATORS:
+        raise ScenarioError(unknown("method", method, ESTIMATORS))
     known = signature(ESTIMATORS[method].function).parameters
     for option in trend:
         if option not in known:
@@ -259,6 +264,8 @@ def identify(
         checked = tuple(check or records)
         if check is not None and continued and fitted.estimate.operating_point is not None:
             checked = _about_continued_points(fitted, records, checked)
+        elif trend:
+            checked = fitted.parts if check is None else _about_own_trends(fitted.estimate, checked, trend)
         elif not keep_mean:
             # Records to judge on have an operating point of their own, which the model's dynamics tell.
             checked = subtract_means(checked)
@@ -285,6 +292,17 @@ def identify(
         nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
         agreement=agreement,
     )
+
+
+def _about_own_trends(model: Estimate, records: Sequence[IOData], trend: Mapping[str, bool]) -> tuple[IOData, ...]:
+    """Records about the constants or lines of their own in the output that the dynamics of a model tell."""
+    about = subtract_means(records)
+    if model.polynomials is None:
+        offsets, _, _ = unexplained_offsets(model.model, about)
+        return tuple(record.subtract(y=offset) for record, offset in zip(about, offsets, strict=True))
+    orders = replace(Orders.of(model.polynomials, padded=True), trend=trend_degree(**trend))
+    trends = trends_of_outputs(about, orders, orders.parameters(model.polynomials))
+    return tuple(record.subtract(y=line[:, None]) for record, line in zip(about, trends, strict=True))
 
 
 def _rounded(records: Sequence[IOData], test: ResidualTest | None) -> tuple[bool, ...]:

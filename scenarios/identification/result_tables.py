@@ -254,7 +254,12 @@ def _operating_point_rows(fitted: FittedModel, unit: str) -> list[tuple[str, str
     levels = np.concatenate(point)
     levels = np.where(np.abs(levels) < ROUNDING, 0.0, levels)
     named = (f"{name} {level:.4g}{unit}" for name, level in zip(channels, levels, strict=True))
-    return [("operating point", ", ".join(named))]
+    rows = [("operating point", ", ".join(named))]
+    slopes = [slope for slope in fitted.estimate.diagnostics.get("slopes", ()) if any(slope)]
+    if slopes:
+        drifts = ", ".join(f"{slope[0]:.4g}{unit}/s" for slope in slopes)
+        rows.append(("line in the output", f"{drifts}, about its mean"))
+    return rows
 
 
 def _fit_rows(fit: ModelFit, outputs: Sequence[str]) -> list[tuple[str, str]]:

@@ -25,7 +25,7 @@ EXACT = 1e-22  # sum of squares, relative to that of the output, that is roundin
 UNIT_ROOT = 1e-6  # A(1), relative to the coefficients, below which an output drifts instead of having a level
 
 
-def trend_degree(offset: bool, trend: bool) -> int:
+def trend_degree(offset: bool = False, trend: bool = False) -> int:
     """Degree of the trend that the options of an estimator ask for; a straight line includes a constant.
 
     Raises:

@@ -64,8 +64,8 @@ SLOW = 100.0
 """EBIC by which a candidate with slow modes must be better than any without: models of the noise come within some tens
 of one that follows a disturbance, and nowhere near a plant that integrates."""
 
-INTEGRATES = 10.0
-"""Records that the time constant of a slow mode must last to count as an integrator, whose state is a constant."""
+FAR_LEVEL = 3.0
+"""Distance of a constant in the output from the mean of its record, relative to the range of that, that is no level."""
 
 DEVIATIONS = 4.0  # of the modulus of a pole outside the unit circle, from which on a plant counts as unstable
 
@@ -107,8 +107,8 @@ class Candidate:
         excess: Distance of the outermost pole beyond the unit circle, in its standard deviations; negative inside.
         transients: Parameters that its initial states are worth on the samples that are compared.
         trend: Degree of the trend of the output in it, see `Orders`.
-        vague_offset: Whether it has a constant beside an integrating mode: far away, the two together are a straight
-            line, and a level that means nothing.
+        vague_offset: Whether its constant lies far outside the record: beside a slow mode it is a straight line, and no
+            level.
     """
 
     method: str
@@ -139,7 +139,7 @@ class Candidate:
     def remark(self) -> str:
         """Whether the model is unstable or nearly so, and whether the input drives its slow modes; empty if not."""
         if self.vague_offset:
-            return "a constant beside an integrator"
+            return "a level far outside the record"
         if not self.drive >= DRIVEN:
             return "follows a disturbance by a slow mode"
         if self.radius >= 1.0:
@@ -320,7 +320,7 @@ class StructureSearch:
         at = minimum.at
         theta = at.theta
         method = _structure_of(orders)
-        errors = [_one_step_errors(e, orders, theta) for e in self.experiments]
+        errors, levels = zip(*(_errors_and_trend(e, orders, theta) for e in self.experiments), strict=True)
         # C and D move no pole of the input path
         path = replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
         model = innovations_form(path, self.experiments[0].dt, 1.0)
@@ -338,6 +338,7 @@ class StructureSearch:
             excess=_excess(at, orders),
             transients=transients,
             trend=orders.trend,
+            vague_offset=orders.trend == OFFSET and self._lie_far(levels),
         )
         self.fits[orders] = Fit(orders, theta, candidate)
         return candidate
@@ -375,6 +376,7 @@ class StructureSearch:
         excess: float = -np.inf,
         transients: float = 0.0,
         trend: int = NO_TREND,
+        vague_offset: bool = False,
     ) -> Candidate:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
@@ -390,7 +392,6 @@ class StructureSearch:
         ebic = float(likelihood + count_of_all * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
         error = self._validation_error(path)
-        integrates = abs(radius - 1.0) < 1.0 / (INTEGRATES * max(map(len, self.experiments)))
         candidate = Candidate(
             method,
             orders,
@@ -403,10 +404,18 @@ class StructureSearch:
             excess,
             transients,
             trend,
-            vague_offset=trend == OFFSET and integrates,
+            vague_offset=vague_offset,
         )
         self.candidates.append(candidate)
         return candidate
+
+    def _lie_far(self, levels: Sequence[FloatArray]) -> bool:
+        """Whether a constant of an output (1,) lies far outside its record."""
+        for experiment, constant in zip(self.experiments, levels, strict=True):
+            known = experiment.y[experiment.known[:, 0], 0]
+            if abs(constant[0] - known.mean()) > FAR_LEVEL * float(np.ptp(known)):
+                return True
+        return False
 
     def _validation_error(self, path: StateSpace) -> float:
         """Mean square error of the simulated validation outputs, each over its variance; NaN without such data."""
@@ -468,12 +477,13 @@ def _independent_starts(experiments: Experiments, orders: Orders) -> Iterator[In
     return oe_initial_estimates(experiments, orders)
 
 
-def _one_step_errors(experiment: IOData, orders: Orders, theta: FloatArray) -> FloatArray:
-    """One-step errors (N, 1), NaN where the output is missing."""
+def _errors_and_trend(experiment: IOData, orders: Orders, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """One-step errors (N, 1), NaN where the output is missing, and the coefficients of the trend (k,)."""
     jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
-    errors = jacobian(experiment, orders, theta, InitialConditions.ESTIMATED).columns[:, -1:]
+    at = jacobian(experiment, orders, theta, InitialConditions.ESTIMATED)
+    errors = at.columns[:, -1:]
     start = np.zeros((len(experiment) - len(errors), 1))
-    return np.where(experiment.known, np.vstack((start, errors)), np.nan)
+    return np.where(experiment.known, np.vstack((start, errors)), np.nan), at.trend
 
 
 def _variance_of_rounding(experiments: Experiments) -> float:
