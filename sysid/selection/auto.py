@@ -17,6 +17,7 @@ from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, Table
+from sysid.selection.simulation_ranking import SimulationRanking, better_in_simulation
 from sysid.selection.structure_search import (
     ORDERS,
     SEARCHED,
@@ -27,6 +28,8 @@ from sysid.selection.structure_search import (
 )
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.feedback import feedback_p, interchanged
+from sysid.validation.nonlinearity import nonlinearity
+from sysid.validation.resid import resid
 
 LISTED = 8  # candidates that a printed choice lists
 
@@ -178,9 +181,25 @@ def auto(
             search.direct = not (fed_back or at_once)
             search.climb_states()
     ranked, estimate = _ranked_with_estimate(experiments, search)
+    simulated = None
+    may_judge = not search.validation and not at_once and not search.is_rounding(ranked[0])
+    if may_judge and _residuals_object(ranked[0], estimate, experiments, fed_back):
+        if methods is None:
+            search.methods = names
+        simulated = _ranked_by_simulation(experiments, search, ranked[0], delays)
+    if simulated is not None:
+        first = ranked[0]
+        ranked = (simulated.candidate, *(candidate for candidate in ranked if candidate is not simulated.candidate))
+        estimate = _with_warnings(*_fitted(experiments, simulated.candidate, search.direct))
     best = ranked[0]
     reason = _reason(search, ranked, delays, sum(map(len, experiments)))
-    if fed_back:
+    if simulated is not None:
+        reason = (
+            f"{best}: in simulation of a part that it was not fitted to, its error is {simulated.ratio:.2g} times that "
+            f"of {first}, which has the lowest EBIC of {len(ranked)} candidates on {search.samples} of "
+            f"{sum(map(len, experiments))} samples; delays by delayest: {', '.join(map(str, delays))} samples"
+        )
+    elif fed_back:
         reason += (
             f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
             f"{excluded}{_interchange_question(without_trend)}"
@@ -201,6 +220,42 @@ def auto(
         reason=reason,
         cautions=tuple(cautions),
     )
+
+
+def _residuals_object(best: Candidate, estimate: Estimate, experiments: Experiments, fed_back: bool) -> bool:
+    """Whether the residuals of the best candidate show that it is not right: then simulated errors may choose another.
+
+    Beside feedback they would prefer a biased one, however right the best is. What looks like feedback is a
+    nonlinearity where the residuals show one. Simulated integrators drift with their disturbances.
+    """
+    is_settling = best.eligible and not np.isfinite(best.drive) and estimate.model.input_path().is_stable()
+    if experiments[0].ny > 1 or not is_settling:
+        return False
+    parts = _without_trend(tuple(complete_parts(experiments)), best.trend)
+    test = nonlinearity(estimate, parts)
+    if test is not None and (test.p_values < 1.0 - test.level).any():
+        return True
+    if fed_back:
+        return False
+    try:
+        return not resid(estimate, parts).independent.all()
+    except SysidError:  # nothing is left to test
+        return False
+
+
+def _ranked_by_simulation(
+    experiments: Experiments, search: StructureSearch, best: Candidate, delays: tuple[int, ...]
+) -> SimulationRanking | None:
+    """Candidate that simulates far better than the best one, whose model is stable on all data too; None if none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        ranking = better_in_simulation(
+            search, best, delays, lambda records, candidate: _estimate(records, candidate, search.direct)
+        )
+        if ranking is None:
+            return None
+        estimate = _estimate(experiments, ranking.candidate, search.direct)
+    return ranking if estimate.model.input_path().is_stable() else None
 
 
 def _interchange_question(experiments: Experiments) -> str:

@@ -44,12 +44,14 @@ SEARCHED = 2.0
 exp(p) times as many with p of some ten coefficients [ChenChen2008]."""
 
 FAR = 100.0  # EBIC above the best from which on a structure does not climb again from the shortest delays
+LOW, PLAINEST = 3, "oe"  # orders of the method that climbs from the shortest delays in any case
 NEAR = 30.0  # EBIC above the best up to which a family is refined: some five superfluous parameters
 REFINED = 8  # rounds of changes of single orders, at most
 STEPS = 15  # iterations of a candidate, at most: those that are far too large take the most, and are not chosen
 STARTS = 2  # initial estimates of its own that a candidate may have, beside the nearest fits
 FILLING = 4  # orders on which the length of the ARX model that fills gaps depends
 FINER = 1e-3  # loss, relative to the variance of rounding, that no rounded record has
+ROUNDED = 1.2  # variance of errors, relative to that of rounding, up to which nothing but rounding shows in them
 EXACT_ORDER = 8  # of an ARX model that shows whether a record is rounded
 EXACT = 1e-20  # loss, relative to the mean square output, that is rounding of data without noise
 
@@ -219,8 +221,10 @@ class StructureSearch:
             limit = min(map(self.criterion, self.candidates), default=np.inf) + FAR
             best_by_method = {name: min(self._criteria([name]), default=limit) for name in ORDERS}
             for name, best in best_by_method.items():
-                if name in self.methods and best <= limit:
-                    ladder = [_rising_orders(name, n, nk, self.trends[0]) for n in range(1, self.largest + 1)]
+                # a delay that is far too long leaves no method near a true model of low order: that one is tried anyway
+                largest = self.largest if best <= limit else LOW
+                if name in self.methods and (best <= limit or name == PLAINEST):
+                    ladder = [_rising_orders(name, n, nk, self.trends[0]) for n in range(1, largest + 1)]
                     self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
@@ -429,6 +433,10 @@ class StructureSearch:
 
     def _criteria(self, methods: Iterable[str]) -> list[float]:
         return [self.criterion(candidate) for candidate in self.candidates if candidate.method in methods]
+
+    def is_rounding(self, candidate: Candidate) -> bool:
+        """Whether the errors of a candidate are no larger than the rounding of the outputs, as by an encoder."""
+        return candidate.loss <= ROUNDED * self._floor
 
     def criterion_of_fit(self, fit: Fit) -> float:
         """Criterion of the candidate of a fit."""

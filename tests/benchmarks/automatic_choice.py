@@ -197,9 +197,9 @@ def joint_with(kind: str) -> Kind:
 
 def robot(rng: np.random.Generator) -> tuple[Plant, tuple[IOData, ...]]:
     """A stiff servo under smooth commands at high rate, its noise coloured by the arm."""
-    servo, record, highest = stiff_servo(rng)
+    servo, record = stiff_servo(rng)
     b, a = servo.discrete(record.dt)
-    return Plant(b, a, record.dt, highest=highest), (record,)
+    return Plant(b, a, record.dt), (record,)
 
 
 def excited_by(command: Callable[[np.random.Generator, FloatArray, float], tuple[FloatArray, float]]) -> Kind:

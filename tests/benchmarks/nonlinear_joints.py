@@ -126,8 +126,8 @@ def joint(rng: np.random.Generator, kind: str) -> tuple[Servo, IOData]:
     return servo, _measured(rng, u, y, dt)
 
 
-def stiff_servo(rng: np.random.Generator) -> tuple[Servo, IOData, float]:
-    """A record of a stiff servo under filtered or minimum-jerk moves at 100 to 1000 Hz, and the end of its band in Hz.
+def stiff_servo(rng: np.random.Generator) -> tuple[Servo, IOData]:
+    """A record of a stiff servo under filtered or minimum-jerk moves at 100 to 1000 Hz.
 
     The arm's vibration and friction of the cables are a coloured disturbance of a hundredth of the motion or less.
     """
@@ -145,4 +145,18 @@ def stiff_servo(rng: np.random.Generator) -> tuple[Servo, IOData, float]:
     y = lfilter(b, a, u)
     vibration = lfilter([1.0], [1.0, -(1.0 - 10.0 * dt)], rng.standard_normal(samples))
     y += y.std() * 10.0 ** rng.uniform(-3.0, -2.0) * vibration / vibration.std() + 1e-4 * rng.standard_normal(samples)
-    return servo, IOData(u, y, dt), 2.0 * slowest
+    return servo, IOData(u, y, dt)
+
+
+def robot_joint(rng: np.random.Generator) -> IOData:
+    """A stiff joint with friction and gravity under smooth commands at high rate, as robots log it."""
+    dt, samples = float(rng.choice([2e-3, 5e-3])), 4000
+    servo = Servo(2 * np.pi * rng.uniform(4.0, 10.0), rng.uniform(0.4, 1.0))
+    u = 5.0 * AMPLITUDE * minimum_jerk(rng, samples, round(0.3 / dt))
+    sag = rng.uniform(0.02, 0.1)
+    # gravity sags the joint by a part that depends on the pose; friction holds some percent of the command
+    loaded = u - sag * np.sin(u + 0.5)
+    band = rng.uniform(0.01, 0.05) * np.abs(u).max()
+    y = _with_friction(loaded, servo.natural, servo.damping, band, np.inf, dt, max(round(dt / STEP), 2))
+    delayed = np.concatenate((np.full(3, y[0]), y[:-3]))
+    return IOData(u, delayed + 2e-4 * rng.standard_normal(samples), dt)

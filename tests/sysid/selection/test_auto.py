@@ -134,3 +134,14 @@ def test_what_cannot_be_chosen_is_refused():
         auto(IOData(None, data.y, 0.1))
     with pytest.raises(SysidError, match="pem_ss is tried alone"):
         auto(IOData(data.u, np.column_stack((data.y, data.y[::-1])), 0.1), methods=["oe"])
+
+
+def test_a_delay_that_is_far_too_long_does_not_hide_the_plant():
+    """On a smooth sweep the first lags look like dead time: a servo without any is found all the same."""
+    dt, wn = 0.01, 2 * np.pi * 1.3
+    time = dt * np.arange(2250)
+    u = np.sin(2 * np.pi * (0.1 * time + 0.5 * 0.15 * time**2))
+    b, a, _ = scipy.signal.cont2discrete(([wn**2], [1.0, 1.9 * wn, wn**2]), dt)
+    noise = 3e-4 * np.random.default_rng(4).standard_normal(len(u))
+    choice = auto(IOData(u, scipy.signal.lfilter(b.ravel(), a, u) + noise, dt).detrend())
+    np.testing.assert_allclose(np.sort_complex(choice.estimate.poles()), np.sort_complex(np.roots(a)), atol=1e-3)

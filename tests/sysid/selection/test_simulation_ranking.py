@@ -1,0 +1,57 @@
+"""Choice by simulation beside the criterion of one-step errors, on systems whose best model is known."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from sysid import IOData, arx, oe
+from sysid.polynomial.orders import Orders
+from sysid.selection.simulation_ranking import better_in_simulation
+from sysid.selection.structure_search import ORDERS, StructureSearch
+
+B, F = [0.0, 0.02, 0.015], [1.0, -1.8, 0.835]
+ESTIMATORS = {"arx": arx, "oe": oe}
+
+
+def record(rng):
+    """White noise of a tenth of the output, of which least squares makes a biased model."""
+    u = np.repeat(rng.choice([-1.0, 1.0], 150), 8)
+    y = lfilter(B, F, u)
+    return IOData(u, y + 0.1 * y.std() * rng.standard_normal(len(y)), 0.02).detrend()
+
+
+def searched(data, methods):
+    search = StructureSearch((data,), (), 10, methods)
+    search.climb_structures((1,))
+    return search
+
+
+def estimated(records, candidate):
+    return ESTIMATORS[candidate.method](records, **candidate.orders)
+
+
+def test_a_biased_model_makes_way_for_one_that_simulates_better():
+    data = record(np.random.default_rng(0))
+    search = StructureSearch((data,), (), 10, ("arx", "oe"))
+    biased = search.try_orders(Orders(2, (2,), 0, 0, (0,), (1,)))
+    ranking = better_in_simulation(search, biased, (1,), estimated)
+    assert ranking.candidate.method == "oe"
+    assert ranking.candidate.orders["nf"] == 2
+    assert ranking.ratio < 0.8
+    # the true structure leaves the noise alone in simulation
+    true = oe(data, 2, 2, 1)
+    assert true.dc_gain()[0, 0] == pytest.approx(sum(B) / sum(F), rel=0.05)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_best_of_a_linear_system_stays(seed):
+    search = searched(record(np.random.default_rng(seed)), tuple(ORDERS))
+    best = search.ranked()[0]
+    assert better_in_simulation(search, best, (1,), estimated) is None
+
+
+def test_too_short_records_are_not_split():
+    data = record(np.random.default_rng(1))[:150]
+    search = StructureSearch((data,), (), 10, ("arx", "oe"))
+    biased = search.try_orders(Orders(2, (2,), 0, 0, (0,), (1,)))
+    assert better_in_simulation(search, biased, (1,), estimated) is None
