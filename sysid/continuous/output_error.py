@@ -18,10 +18,9 @@ from sysid.models.predict import residuals
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
+from sysid.polynomial.offset_test import LONGEST, REFINEMENTS, constant_messages
 from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
-from sysid.polynomial.prediction_error import (
-    coloured_information,
-)
+from sysid.polynomial.prediction_error import coloured_information, levenberg_marquardt
 from sysid.records.arguments import real_number, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -76,6 +75,8 @@ def output_error_estimate(
     summary = DataSummary.of(experiments)
     realise = RealisePaths(rows, summary, intersample, noise)
     messages += _fit_messages(method, fits, realise, theta, np.sqrt(np.diag(covariance)), condition)
+    if not any("offset" in message for message in messages):
+        messages += itertools.chain.from_iterable(map(_missing_constant, fits))
     warn_each(messages, stacklevel=2)
     sampled = Resampled(realise)
     model = sampled(theta)
@@ -94,6 +95,26 @@ def output_error_estimate(
         realise=sampled,
         realise_continuous=realise,
     )
+
+
+def _missing_constant(fit: OutputFit) -> list[str]:
+    """Message on a constant of an output that its model lacks, by a fit with one, refined for a few steps."""
+    criterion, at = fit.criterion, fit.minimum.at
+    integrates = any(structure.integrators for structure in criterion.structures)
+    if criterion.offset or not criterion.free or integrates or max(map(len, criterion.experiments)) > LONGEST:
+        return []
+    with_constant = replace(criterion, offset=True)
+    start = with_constant(at.theta)
+    if start is None or not at.cost > 0.0:
+        return []
+    energy = sum(float(np.nansum(experiment.y**2)) for experiment in criterion.experiments)
+    refined = levenberg_marquardt(with_constant, start, energy, max_iterations=REFINEMENTS).at
+    errors, constants = [], []
+    for experiment in criterion.experiments:
+        columns, _, constant = with_constant.columns(experiment, refined.theta)
+        errors.append(columns[:, -1])
+        constants.append(constant)
+    return constant_messages(criterion.experiments, at, refined, errors, constants)
 
 
 def _common_intersample(experiments: Sequence[IOData]) -> str:

@@ -79,17 +79,42 @@ def missing_constant(experiments: Sequence[IOData], orders: Orders, at: Linearis
     if free < 1 or (at.cost - start.cost + promised) * free <= CERTAIN * max(start.cost - promised, 0.0):
         return []
     refined = minimise(experiments, with_constant, start, max_iterations=REFINEMENTS).at
-    if not refined.cost > EXACT * energy:
-        return []
-    evidence, place, level = 0.0, 0, 0.0
-    for k, experiment in enumerate(experiments):
+    errors, constants = [], []
+    for experiment in experiments:
         jacobian = error_jacobian(experiment, with_constant, refined.theta, InitialConditions.ESTIMATED)
-        if abs(jacobian.trend[0]) > abs(level) and is_material(jacobian.trend, experiment):
-            place, level = k, float(jacobian.trend[0])
-            spectrum = spectrum_at_zero(jacobian.columns[:, -1:])
-            evidence = (at.cost - refined.cost) / (refined.cost / free) / max(spectrum, 1.0) / len(experiments)
+        errors.append(jacobian.columns[:, -1])
+        constants.append(float(jacobian.trend[0]))
+    return constant_messages(experiments, at, refined, errors, constants)
+
+
+def constant_messages(
+    experiments: Sequence[IOData],
+    at: Linearisation,
+    refined: Linearisation,
+    errors: Sequence[FloatArray],
+    constants: Sequence[float],
+) -> list[str]:
+    """Message on a constant of the only output that a model lacks, from fits without and with one.
+
+    Args:
+        experiments: The data.
+        at: The minimum without constants.
+        refined: A minimum with them.
+        errors: Its errors (N_i,) of each experiment.
+        constants: Its constants.
+    """
+    free = refined.errors - len(refined.theta) - refined.transients
+    energy = sum(float(np.nansum(experiment.y**2)) for experiment in experiments)
+    if free < 1 or not refined.cost > EXACT * energy:
+        return []
+    decrease = (at.cost - refined.cost) / (refined.cost / free) / len(experiments)
+    evidence, place = 0.0, 0
+    for k, (experiment, constant) in enumerate(zip(experiments, constants, strict=True)):
+        is_larger = not evidence or abs(constant) > abs(constants[place])
+        if is_larger and is_material(np.array([constant]), experiment):
+            place, evidence = k, decrease / max(spectrum_at_zero(errors[k][:, None]), 1.0)
     where = f" in experiment {experiments[place].name or place + 1}" if len(experiments) > 1 else ""
-    return offset_message(np.array([level]), evidence, where, experiments[0].output_names or ())
+    return offset_message(np.array([constants[place]]), evidence, where, experiments[0].output_names or ())
 
 
 def _evidence(model: StateSpace, record: IOData) -> tuple[FloatArray, float]:

@@ -14,6 +14,8 @@ FITS = {
     "arx": lambda data: sysid.arx(data, 1, 1),
     "n4sid": lambda data: sysid.n4sid(data, 1),
     "pem_ss": lambda data: sysid.pem_ss(data, 1),
+    "tfest": lambda data: sysid.tfest(data, 1, 0),
+    "procest": lambda data: sysid.procest(data, "P1"),
 }
 
 
@@ -34,7 +36,8 @@ def held(rng, samples, hold=15):
 @pytest.mark.parametrize(
     ("name", "noise"),
     # a noise model with a root at one follows the offset, and leaves the gain alone: bj needs no remark
-    [(name, noise) for name in ("oe", "armax", "n4sid", "pem_ss") for noise in (0.05, 0.5)] + [("arx", 0.05)],
+    [(name, noise) for name in ("oe", "armax", "n4sid", "pem_ss", "tfest", "procest") for noise in (0.05, 0.5)]
+    + [("arx", 0.05)],
 )
 def test_a_mean_of_a_transient_is_told(name, noise):
     # the transient from 60 has a time constant of a sixth of the record: its mean stays as an offset of about -10
@@ -46,7 +49,7 @@ def test_a_mean_of_a_transient_is_told(name, noise):
     assert "y1" in text
 
 
-@pytest.mark.parametrize("name", ["oe", "armax"])
+@pytest.mark.parametrize("name", ["oe", "armax", "tfest"])
 def test_of_several_experiments_the_one_with_the_offset_is_named(name):
     rng = np.random.default_rng(4)
     records = []
