@@ -170,11 +170,16 @@ def auto(
                 search.methods = tuple(name for name in names if name != "oe")
             if fed_back and methods is None:
                 excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
+            paths_alone = set(search.methods) == {"oe"} and not search.validation
+            if paths_alone:
+                search.methods = ("oe", "bj")
             search.climb_structures(delays)
             if sum(map(len, search.experiments)) < sum(map(len, experiments)):
                 whole = StructureSearch(experiments, validation_data, largest, search.methods, trends)
                 whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
                 search = whole
+            if paths_alone:
+                search.keep_input_paths()
         elif methods is not None:
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
         else:

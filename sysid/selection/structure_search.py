@@ -30,7 +30,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.resolution import resolution
-from sysid.selection.slow_modes import colour, least_drive, slow_radius
+from sysid.selection.slow_modes import least_drive, slow_radius
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.structure_scan import Order, parameter_count
 
@@ -249,6 +249,32 @@ class StructureSearch:
         for family in FAMILIES:
             self._refine(family, shortest)
 
+    def keep_input_paths(self) -> None:
+        """Replace the candidates by output-error models of their input paths, judged beside the best noise model.
+
+        Alone, an output-error model of a disturbance that the input does not cause gains by superfluous orders: they
+        follow it. So the orders of a path are those that a Box-Jenkins model of the same data needs.
+        """
+        best_of_path: dict[Orders, Candidate] = {}
+        for fit in sorted(self.fits.values(), key=self.criterion_of_fit):
+            if fit.orders.na == 0:
+                path = replace(fit.orders, nc=0, nd=0)
+                best_of_path.setdefault(path, fit.candidate)
+        self.candidates = []
+        for path, beside_noise in best_of_path.items():
+            candidate = self.try_orders(path)
+            if candidate is not None:
+                # evidence for slow modes and poles is that of the model with noise too
+                self.candidates.append(
+                    replace(
+                        candidate,
+                        ebic=beside_noise.ebic,
+                        drive=beside_noise.drive,
+                        excess=beside_noise.excess,
+                        radius=beside_noise.radius,
+                    )
+                )
+
     def climb_states(self) -> None:
         """Try rising orders of a state-space model."""
         self._climb(range(1, self.largest + 1), self._try_states)
@@ -385,14 +411,11 @@ class StructureSearch:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
         loss = mean_square(compared[np.isfinite(compared).all(axis=1)])
-        innovations, coefficients = loss, 0
-        if set(self.methods) == {"oe"}:
-            innovations, coefficients = _without_colour(compared[:, 0], loss)
         # below it, rounding decides, and its logarithm would outweigh any number of parameters
         rounding = max(EXACT * self._output_power, np.finfo(float).tiny)
         self.exact = self.exact or loss <= rounding
-        likelihood = self.samples * compared.shape[1] * np.log(max(innovations, rounding, self._floor))
-        count_of_all = count + transients + coefficients + (trend + 1) * len(self.experiments)
+        likelihood = self.samples * compared.shape[1] * np.log(max(loss, rounding, self._floor))
+        count_of_all = count + transients + (trend + 1) * len(self.experiments)
         ebic = float(likelihood + count_of_all * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
         error = self._validation_error(path)
@@ -510,18 +533,6 @@ def _variance_of_rounding(experiments: Experiments) -> float:
         if loss < FINER * variance:
             return 0.0
     return variance
-
-
-def _without_colour(errors: FloatArray, loss: float) -> tuple[float, int]:
-    """Variance of the innovations of output errors (N,), and the coefficients of their autoregressive model.
-
-    Where no method with a model of the noise takes part, the order must not rise to follow a disturbance that the input
-    does not cause.
-    """
-    if not loss > 0.0:
-        return loss, 0
-    whitener, correlations = colour(errors)
-    return loss * float(whitener @ correlations[: len(whitener)]), len(whitener) - 1
 
 
 def _compared_transients(orders: Orders, theta: FloatArray, samples: int, skipped: int) -> float:
