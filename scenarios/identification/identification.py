@@ -26,6 +26,7 @@ from sysid.polynomial.trends import trend_degree
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
+from sysid.validation.command_baseline import CommandBaseline, command_baseline
 from sysid.validation.input_independence import LIMIT, input_independence
 from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
 from sysid.validation.structure_scan import Order
@@ -76,6 +77,7 @@ class Identification:
         cautions: What the choice of the model could not tell from the record, for which no verdict calls it sufficient.
         rounded: Whether the residuals of each output are no larger than the rounding of its values, as by an encoder
             (ny,): they are then a function of the output, and hence of the input, of a true model too.
+        baseline: Fit of the commands themselves to `checked`; None where inputs and outputs differ in number or units.
         nonlinearity: Test of nonlinear dependence on the input, on the records of the fit; None of unstable models.
         agreement: Whether the runs that the model is of have one response; None of one run.
     """
@@ -89,6 +91,7 @@ class Identification:
     cautions: tuple[str, ...] = ()
     rounded: tuple[bool, ...] = ()
     nonlinearity: NonlinearityTest | None = None
+    baseline: CommandBaseline | None = None
     agreement: RunAgreement | None = None
 
     @property
@@ -147,6 +150,7 @@ class Identification:
             "bic": model.bic,
             "residuals": residuals,
             "nonlinearity": self._nonlinearity_record(),
+            "baseline": self.baseline and {"fit": self.baseline.fit, "delays": self.baseline.delays},
             "agreement": None if self.agreement is None else self.agreement.record(),
             "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
             "samples": sum(map(len, fitted.parts)),
@@ -290,6 +294,7 @@ def identify(
         remarks,
         rounded=_rounded(records, test),
         nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
+        baseline=command_baseline(fitted.parts, checked),
         agreement=agreement,
     )
 

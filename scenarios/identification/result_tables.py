@@ -15,10 +15,14 @@ from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.frequency_response import NORMAL_95
 from sysid.records.arrays import ComplexArray
 from sysid.records.printing import AT_ZERO, poles_table
+from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
 
 LISTED = 24
 """Most parameters that are listed one by one."""
+
+NO_BETTER = 0.98
+"""Error in simulation, relative to that of the command itself, from which on a model is no better."""
 
 SUFFICIENT = 50.0
 """Least simulated fit of a model that a verdict calls sufficient, %."""
@@ -164,11 +168,27 @@ def verdict(result: Identification) -> str:
         words = f"undecided: {_undetermined(result.fitted)}"
     elif not lowest >= SUFFICIENT:
         words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
+    elif _no_better_than_command(result):
+        words = f"undecided: {_no_better_than_command(result)}"
     elif not result.test.white.all():
         words = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
     else:
         words = "sufficient: the residuals are white and independent of the input"
     return f"{words}; simulated fit {fits}"
+
+
+def _no_better_than_command(result: Identification) -> str:
+    """Output that its command describes as well as the model does, in words; empty if there is none."""
+    baseline = result.baseline
+    if baseline is None:
+        return ""
+    for i, (fit, of_command) in enumerate(zip(result.fit.simulation, baseline.fit, strict=True)):
+        if 100.0 - fit >= NO_BETTER * (100.0 - of_command):
+            return (
+                f"the model describes the output no better than the command itself does, {baseline.delays[i]} samples "
+                f"late ({of_command:.1f} %): commands that change faster would tell its dynamics"
+            )
+    return ""
 
 
 def _verdict_of_unstable(result: Identification) -> str:
@@ -239,6 +259,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
         *_operating_point_rows(fitted, unit),
         *_fit_rows(result.fit, first.output_names or ()),
+        *_baseline_rows(result.baseline),
         *_bandwidth_rows(fitted),
         *_noise_rows(fitted.estimate, unit),
         *_residual_rows(result.test, result.untested),
@@ -260,6 +281,16 @@ def _operating_point_rows(fitted: FittedModel, unit: str) -> list[tuple[str, str
         drifts = ", ".join(f"{slope[0]:.4g}{unit}/s" for slope in slopes)
         rows.append(("line in the output", f"{drifts}, about its mean"))
     return rows
+
+
+def _baseline_rows(baseline: CommandBaseline | None) -> list[tuple[str, str]]:
+    """Fit of the commands themselves, where it is better than that of the mean."""
+    if baseline is None or not (baseline.fit > 0.0).any():
+        return []
+    texts = []
+    for fit, delay in zip(baseline.fit.tolist(), baseline.delays, strict=True):
+        texts.append(f"{fit:.2f} % ({delay} samples late)")
+    return [("fit of the command itself", ", ".join(texts))]
 
 
 def _fit_rows(fit: ModelFit, outputs: Sequence[str]) -> list[tuple[str, str]]:

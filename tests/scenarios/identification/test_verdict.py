@@ -5,9 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from scenarios.identification.order_choice import choose_and_identify, hold_out
 from scenarios.identification.result_tables import model_rows, verdict
+from sysid import IOData
 from tests.benchmarks.nonlinear_joints import joint
 
 
@@ -43,3 +45,27 @@ def test_a_linear_joint_is_sufficiently_described():
     assert dict(model_rows(result))["residuals nonlinear in the input"].startswith("no (p = ")
     assert result.record()["nonlinearity"]["seen"] == [False]
     assert result.fitted.estimate.dc_gain()[0, 0] == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_model_no_better_than_the_command_is_not_called_sufficient():
+    """A drive that follows within a sample or two: nothing but the delay is seen in slow commands."""
+    rng = np.random.default_rng(3)
+    u = lfilter([1.0], [1.0, -1.9, 0.9025], rng.standard_normal(1600))
+    u = u / u.std()
+    late = np.concatenate((np.full(2, u[0]), u[:-2]))
+    record = IOData(u, late + 0.05 * rng.standard_normal(1600), 0.01)
+    result = identified(record)
+    assert result.baseline.delays == (2,)
+    assert not verdict(result).startswith("sufficient")
+    assert dict(model_rows(result))["fit of the command itself"].endswith("% (2 samples late)")
+
+
+def test_the_fit_of_the_command_stands_beside_that_of_the_model():
+    _, record = joint(np.random.default_rng([101, 1]), "linear")
+    result = identified(record)
+    (fit,) = result.baseline.fit
+    judged = result.checked[0]
+    y, u = judged.y[judged.window :, 0], judged.u[:, 0]
+    late = u[judged.window - result.baseline.delays[0] : len(u) - result.baseline.delays[0]]
+    assert fit == pytest.approx(100 * (1 - np.sqrt(np.mean((y - late) ** 2)) / y.std()))
+    assert fit < result.fit.simulation[0]
