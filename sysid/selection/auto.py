@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.frequency.delayest import delayest
+from sysid.frequency.delayest import IntArray, delayest
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
@@ -61,7 +61,8 @@ class StructureChoice(Locked):
     Attributes:
         estimate: The chosen model, estimated from all data.
         candidates: Every candidate, the best first; unstable ones last.
-        delays: Delays in samples of each input at which the search begins, by `delayest`; empty for several outputs.
+        delays: Delays in samples of each input at which the search begins, by `delayest`: to the first
+            of several outputs.
         samples: Samples on which the candidates are compared.
         reason: Why this one, in words.
         cautions: What the data cannot tell about it, in words.
@@ -105,7 +106,8 @@ def auto(
 
     With one output the delays start at those of `delayest`; arx, oe, armax and bj rise in order until the criterion of
     each gets worse twice; then single orders of the best ones, the delays among them, change by one as long as that
-    helps. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`. Beside feedback
+    helps. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`, with the delays of
+    `delayest` as known ones and without them. Beside feedback
     (`sysid.feedback`) there is no direct term, which would be that of the controller, and oe does not take part, which
     only a white disturbance would leave unbiased. A held input has no direct term either: one is tried only on data
     without noise, or if asked for.
@@ -184,7 +186,9 @@ def auto(
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
         else:
             search.direct = not (fed_back or at_once)
-            search.climb_states()
+            delays = _delays(search.experiments, largest)
+            # with one sample left to the dynamics, as a held input has it
+            search.climb_states(tuple(max(delay - 1, 0) for delay in delays))
     ranked, estimate = _ranked_with_estimate(experiments, search)
     simulated = None
     may_judge = not search.validation and not at_once and not search.is_rounding(ranked[0])
@@ -216,6 +220,8 @@ def auto(
         cautions.append(EXACTLY)
     if not best.eligible:
         cautions.append(best.remark)
+    if unlike := _unlike_delays(search.experiments, largest, int(np.max(best.orders.get("order", 0)))):
+        cautions.append(unlike)
     reason = "; ".join((reason, *cautions))
     return StructureChoice(
         estimate=estimate,
@@ -309,7 +315,8 @@ def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Esti
     """The chosen model, estimated from all data."""
     if chosen.method == "pem_ss":
         orders: Mapping[str, Any] = chosen.orders
-        start = n4sid(complete_parts(experiments), orders["order"], direct=direct)
+        nk = orders.get("nk", 0)
+        start = n4sid(complete_parts(experiments), orders["order"], nk=nk, direct=direct)
         return pem_ss(experiments, start, direct=direct)
     estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
     return estimators[chosen.method](experiments, **chosen.orders, **chosen.trend_options)
@@ -351,13 +358,36 @@ def _without_trend(experiments: Experiments, degree: int) -> Experiments:
 
 
 def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
-    """Delay of each input; 1 where no lag is significant."""
+    """Delay of each input to the first output that it acts on; 1 where no lag is significant."""
+    delays = []
+    for lags in _significant_lags(experiments, largest):
+        delays.append(int(lags.min()) if len(lags) else 1)
+    return tuple(delays)
+
+
+def _significant_lags(experiments: Experiments, largest: int) -> list[IntArray]:
+    """Delays of each input to the outputs that it acts on (at most ny,); empty where none is significant."""
     try:
-        (lags,) = delayest(complete_parts(experiments), largest=2 * largest).arx
+        delays = delayest(complete_parts(experiments), largest=2 * largest).arx
     except SysidError:
-        return (1,) * experiments[0].nu
+        return [np.zeros(0, dtype=int)] * experiments[0].nu
     # -1 stands for no significant lag
-    return tuple(np.where(lags < 0, 1, lags).astype(int).tolist())
+    return [of_input[of_input >= 0] for of_input in delays.T]
+
+
+def _unlike_delays(experiments: Experiments, largest: int, order: int) -> str:
+    """Caution on delays of an input to several outputs that differ by more samples than the model has states."""
+    if experiments[0].ny == 1:
+        return ""
+    lags = _significant_lags(experiments, largest)
+    differences = sum(int(np.ptp(of_input)) for of_input in lags if len(of_input))
+    if differences <= order:
+        return ""
+    listed = "; ".join(str(of_input.tolist()) for of_input in lags)
+    return (
+        f"an input reaches the outputs after unlike delays ({listed} samples), which take {differences} states, more "
+        "than the model has: gains may be wrong; tfest(data, np, nz, delay=None) estimates a delay of each path"
+    )
 
 
 def _feedback_p(experiments: Experiments, *, direct: bool = True) -> float:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, islice
 from typing import Any, TypeVar
 
@@ -275,9 +276,43 @@ class StructureSearch:
                     )
                 )
 
-    def climb_states(self) -> None:
-        """Try rising orders of a state-space model."""
-        self._climb(range(1, self.largest + 1), self._try_states)
+    def climb_states(self, delays: tuple[int, ...] = ()) -> None:
+        """Try rising orders of a state-space model, with known delays of the inputs in samples and without.
+
+        Without them every sample of delay is a state more; a slow beginning of the response looks like a delay.
+        """
+        none = (0,) * self.experiments[0].nu
+        for nk in dict.fromkeys((delays or none, none)):
+            if self.exact:
+                break
+            exact_order = self._exact_order(nk)
+            ladder = range(1, self.largest + 1)
+            if exact_order is not None:
+                # without noise every step of the search shows lower errors: too small orders take all that are allowed
+                ladder = range(max(exact_order - 1, 1), exact_order + 1)
+            self._climb(ladder, partial(self._try_states, nk=nk))
+
+    def _exact_order(self, nk: tuple[int, ...]) -> int | None:
+        """The least order with errors at rounding level, which `n4sid` finds without a search; None on noisy data."""
+        if self._subspace_loss(self.largest, nk) > self._rounding:
+            return None
+        for order in range(1, self.largest):
+            if self._subspace_loss(order, nk) <= self._rounding:
+                return order
+        return self.largest
+
+    def _subspace_loss(self, order: int, nk: tuple[int, ...]) -> float:
+        """Loss of an `n4sid` with delays; infinite if there is none."""
+        try:
+            estimate = n4sid(complete_parts(self.experiments), order, nk=nk, direct=self.direct)
+        except SysidError:
+            return np.inf
+        return estimate.loss
+
+    @property
+    def _rounding(self) -> float:
+        """Loss below which rounding decides: its logarithm would outweigh any number of parameters."""
+        return max(EXACT * self._output_power, np.finfo(float).tiny)
 
     def _climb(self, ladder: Iterable[Rung], attempt: Callable[[Rung], Candidate | None]) -> None:
         """Raise the order until `PATIENCE` in a row are no better than the best."""
@@ -317,17 +352,21 @@ class StructureSearch:
                 break
             best = better
 
-    def _try_states(self, order: int) -> Candidate | None:
+    def _try_states(self, order: int, nk: tuple[int, ...]) -> Candidate | None:
         try:
-            start = n4sid(complete_parts(self.experiments), order, direct=self.direct)
-            estimate = pem_ss(self.experiments, start, direct=self.direct, max_iterations=2 * STEPS)
+            start = n4sid(complete_parts(self.experiments), order, nk=nk, direct=self.direct)
+            # further starts, of all candidates, would take most of the time of the choice
+            estimate = pem_ss(self.experiments, start, direct=self.direct, search=False, max_iterations=2 * STEPS)
         except SysidError as error:
             self.failed.append(f"order {order}: {error}")
             return None
         ends = np.cumsum([len(e) for e in self.experiments])[:-1]
         errors = np.split(estimate.residuals, ends)
         path = estimate.model.input_path()
-        return self._record_candidate("pem_ss", {"order": order}, parameter_count(estimate), errors, path)
+        orders: dict[str, Order] = {"order": order}
+        if any(nk):
+            orders["nk"] = nk
+        return self._record_candidate("pem_ss", orders, parameter_count(estimate), errors, path)
 
     def try_orders(self, orders: Orders, base: Fit | None = None) -> Candidate | None:
         """Fit a candidate in few steps, unless that was done before; None if it cannot be fitted."""
@@ -411,8 +450,7 @@ class StructureSearch:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
         loss = mean_square(compared[np.isfinite(compared).all(axis=1)])
-        # below it, rounding decides, and its logarithm would outweigh any number of parameters
-        rounding = max(EXACT * self._output_power, np.finfo(float).tiny)
+        rounding = self._rounding
         self.exact = self.exact or loss <= rounding
         likelihood = self.samples * compared.shape[1] * np.log(max(loss, rounding, self._floor))
         count_of_all = count + transients + (trend + 1) * len(self.experiments)

@@ -394,4 +394,6 @@ def parameter_count(estimate: Estimate) -> int:
         return len(estimate.parameters)
     # of the entries of A, B, C, D and K, n^2 only choose the basis of the state
     m = estimate.model
-    return m.order * (m.nu + 2 * m.ny) + m.nu * m.ny
+    # known delays are states without parameters
+    order = m.order - sum(estimate.orders.get("nk", ()))
+    return order * (m.nu + 2 * m.ny) + m.nu * m.ny

@@ -91,6 +91,37 @@ def test_several_outputs_get_a_state_space_model():
 
 
 @pytest.mark.slow
+def _column(delays, noise):
+    """Two inputs and two outputs, lags of first order of gain 12.8, -18.9, 6.6, -19.4, delays beyond a sample."""
+    rng = np.random.default_rng(3)
+    u = np.sign(rng.standard_normal((300, 2))).repeat(5, axis=0)
+    y = np.zeros((1500, 2))
+    gains, poles = np.array([[12.8, -18.9], [6.6, -19.4]]), np.array([[0.94, 0.953], [0.912, 0.933]])
+    for i, j in np.ndindex(2, 2):
+        numerator = np.append(np.zeros(delays[i][j] + 1), gains[i, j] * (1.0 - poles[i, j]))
+        y[:, i] += scipy.signal.lfilter(numerator, [1.0, -poles[i, j]], u[:, j])
+    return IOData(u, y + noise * y.std(axis=0) * rng.standard_normal(y.shape), 60.0), gains
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 0.02])
+def test_dead_times_of_inputs_are_no_states(noise):
+    data, gains = _column([[1, 3], [7, 3]], noise)
+    choice = auto(data)
+    if not noise:
+        assert choice.delays == (2, 4)
+        assert choice.candidates[0].orders["nk"] == (1, 3)
+    assert choice.cautions == ()
+    np.testing.assert_allclose(choice.estimate.dc_gain(), gains, rtol=0.03 if noise else 1e-8)
+
+
+@pytest.mark.slow
+def test_dead_times_that_differ_between_outputs_by_too_much_are_said():
+    data, _ = _column([[1, 3], [7, 12]], 0.02)
+    choice = auto(data)
+    assert "unlike delays" in choice.cautions[0] and "tfest" in choice.reason
+
+
 def test_validation_data_decide_and_the_choice_stands_for_its_estimate(tmp_path):
     data, fresh = second_order(seed=1, noise=0.2, d=(1.0,)), second_order(seed=2, noise=0.2, d=(1.0,))
     choice = auto(data, methods=["oe", "arx"], validation=fresh, largest=4)
