@@ -84,6 +84,7 @@ from sysid.records import (
     resample,
 )
 from sysid.records.arrays import register_drawer
+from sysid.records.data import register_plotter
 from sysid.records.optional import optional
 from sysid.recursive import RecursiveEstimate, Track, rarmax, rarx, roe, track
 from sysid.selection import StructureChoice, auto
@@ -216,6 +217,13 @@ def _thumbnail(result: object) -> str:
 
 
 register_drawer(_thumbnail)
+
+
+def _record_figure(data: object) -> object:
+    return __getattr__("plots").record(data)
+
+
+register_plotter(_record_figure)
 
 
 class MissingPlotsError(SysidError, AttributeError):

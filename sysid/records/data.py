@@ -1,6 +1,6 @@
 """The input-output record: one experiment as the analyst sees it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
@@ -146,6 +146,18 @@ class IOData(Labelled, Locked):
             raise SysidError(f"expected names that differ from time, got {', '.join(variables)}")
         attributes = {key: getattr(self, key) for key in ("dt", "name", "intersample", "window")}
         return variables, {"time": ("time", self.time, {"units": "s"})}, {**attributes, "missing": int(self.missing)}
+
+    def __add__(self, other: object) -> "Experiments":
+        """Several experiments of one data set, MATLAB's merge: every estimator fits one model to all.
+
+        Raises:
+            SysidError: Records that differ in `dt`, in the number or names of channels, or in units.
+        """
+        return Experiments((self,)) + other
+
+    def plot(self) -> Any:
+        """Outputs over inputs, a panel per channel, as a matplotlib figure; see `sysid.plots.record` for options."""
+        return _plotters[-1](self)
 
     @property
     def nu(self) -> int:
@@ -294,6 +306,56 @@ class IOData(Labelled, Locked):
             input_offset=_picked_offset(self.input_offset, i),
             output_offset=_picked_offset(self.output_offset, o),
         )
+
+
+class Experiments(tuple[IOData, ...]):
+    """Experiments that share their channels and sampling interval, as `record + record` makes them.
+
+    Every function that takes several records takes them.
+    """
+
+    __slots__ = ()
+
+    def __add__(self, other: object) -> "Experiments":
+        """These experiments and further ones; see `IOData.__add__`."""
+        further = (other,) if isinstance(other, IOData) else other
+        if not isinstance(further, tuple | list):
+            return NotImplemented
+        return joined((*self, *further))
+
+    def __str__(self) -> str:
+        """One line per experiment."""
+        return "\n".join(str(experiment) for experiment in self)
+
+    def plot(self) -> Any:
+        """Outputs over inputs, a panel per channel, all experiments in one figure; see `sysid.plots.record`."""
+        return _plotters[-1](self)
+
+
+def joined(records: Sequence[IOData]) -> Experiments:
+    """Experiments of one data set, channels in the sequence of the first.
+
+    Raises:
+        SysidError: Something other than records, or records that differ in `dt`, channels or units.
+    """
+    experiments = as_experiments(records, missing=True, series=True)
+    first = experiments[0]
+    for k, experiment in enumerate(experiments):
+        for side in ("input_units", "output_units"):
+            expected, units = getattr(first, side), getattr(experiment, side)
+            # a unit that is not given may be any
+            unlike = [pair for pair in zip(expected, units, strict=True) if all(pair) and pair[0] != pair[1]]
+            if unlike:
+                raise SysidError(f"experiment {k}: {side} are {units}, those of the first {expected}")
+    return Experiments(experiments)
+
+
+_plotters: list[Callable[[Any], Any]] = []
+
+
+def register_plotter(plot: Callable[[Any], Any]) -> None:
+    """Say what draws records; the figures belong to a room that builds on this one."""
+    _plotters.append(plot)
 
 
 def as_experiments(
