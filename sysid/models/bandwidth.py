@@ -187,6 +187,14 @@ def bandwidth_claim(
                 f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, extrapolated to {hz / highest:.2g} "
                 f"times the highest frequency that the input excites, {highest:.2g} Hz"
             )
+    elif estimate.model.is_stable() and float(estimate.dc_gain()[output, input]) != 0.0:
+        nyquist = 0.5 / record.dt
+        highest = _highest_excited(estimate, (record, *judged), output, input, nyquist)
+        if EXTRAPOLATED * highest < nyquist:
+            objections.append(
+                f"the bandwidth is not determined: the model has none, but the input excites nothing above "
+                f"{highest:.2g} Hz"
+            )
     warnings = list(objections)
     if lowest > 0:
         warnings.append(

@@ -131,3 +131,16 @@ def test_weak_lines_count_where_the_response_exceeds_the_noise():
     # |0.5 / (1 - 0.5 exp(-i w))|^2 is a half where cos w = 0.75
     assert claimed(quiet).hz == pytest.approx(np.arccos(0.75) / (2 * np.pi * DT), rel=0.02)
     assert_withheld(claimed(noisy), "times the highest frequency that the input excites")
+
+
+def test_no_bandwidth_of_a_model_is_no_claim_above_the_excitation():
+    """A servo that follows slow tones within the noise: a model without bandwidth does not show that it has none."""
+    rng = np.random.default_rng(7)
+    u = tones(1.0, 3000, 0.01, rng)
+    record = IOData(u, u + 1e-2 * rng.standard_normal(3000), 0.01).detrend()
+    assert_withheld(
+        bandwidth_claim(arx(record, 0, 1, 0), record), "the model has none, but the input excites nothing above 1"
+    )
+    white = rng.standard_normal(3000)
+    followed = IOData(white, white + 1e-2 * rng.standard_normal(3000), 0.01).detrend()
+    assert not bandwidth_claim(arx(followed, 0, 1, 0), followed).refused
