@@ -98,6 +98,9 @@ def refuse_overflow(products: FloatArray) -> None:
 def solve_triangle(triangle: FloatArray, lengths: FloatArray, p: int, rows: int) -> LeastSquares:
     """Solve from the triangle of [Phi Y], its columns divided by their lengths, as many as Phi has p."""
     refuse_overflow(triangle)
+    if len(triangle) < p:
+        # fewer equations than unknowns have the solution of least norm, as those that lack rank
+        triangle = np.pad(triangle, ((0, p - len(triangle)), (0, 0)))
     triangle[:, p:] *= lengths[p:]
     left, values, right = np.linalg.svd(triangle[:p, :p])
     largest = float(values[0]) if p else 0.0

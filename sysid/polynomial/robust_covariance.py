@@ -75,6 +75,9 @@ def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
     highest_order = min(MOST_LAGS, samples // (ROWS_PER_COEFFICIENT * p), shortest // 2)
     columns = np.vstack([_lags_then_present(x, highest_order) for x in series])
     rows = len(columns)
+    if not columns.any():
+        # no errors: the sum is zero
+        return np.zeros((p, p))
     # one triangle contains the regressions of all orders
     triangle = triangular_factor(columns / np.sqrt(np.mean(columns**2)))
     triangle *= np.sqrt(np.mean(columns**2))

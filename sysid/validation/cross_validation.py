@@ -102,9 +102,16 @@ def cross_validate(
         estimates=tuple(estimates),
         simulation=simulation.mean(axis=0),
         one_step=one_step.mean(axis=0),
-        simulation_deviation=simulation.std(axis=0, ddof=1),
-        one_step_deviation=one_step.std(axis=0, ddof=1),
+        simulation_deviation=_deviation(simulation),
+        one_step_deviation=_deviation(one_step),
     )
+
+
+def _deviation(fits: FloatArray) -> FloatArray:
+    """Standard deviation of the fits to the parts (parts, ny), per output; infinite where one of them overflows."""
+    finite = np.isfinite(fits)
+    deviation = np.where(finite, fits, 0.0).std(axis=0, ddof=1)
+    return np.where(finite.all(axis=0), deviation, np.inf)
 
 
 def same_samples(records: Sequence[IOData], others: Sequence[IOData]) -> bool:

@@ -24,6 +24,13 @@ def test_small_random_records():
     assert _failures(range(60), calls_each=2) == {}
 
 
+@pytest.mark.parametrize(("seed", "name"), [(1211, "polyest"), (1314, "arma"), (1352, "cross_validate")])
+def test_records_that_once_ended_in_other_errors(seed, name):
+    rng = np.random.default_rng(seed)
+    record, calls = random_record(rng), random_calls(rng)
+    assert failure(calls[name], record) is None
+
+
 @pytest.mark.thorough
 def test_many_small_random_records():
     assert _failures(range(1000, 3000), calls_each=100) == {}
