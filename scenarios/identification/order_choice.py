@@ -75,7 +75,7 @@ def choose_and_identify(
             check=check,
             continued=continued,
         )
-    return replace(result, cautions=choice.cautions), choice
+    return replace(result, cautions=choice.cautions, disagreement=choice.disagreement), choice
 
 
 def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:

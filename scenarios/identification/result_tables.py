@@ -28,7 +28,10 @@ SUFFICIENT = 50.0
 """Least simulated fit of a model that a verdict calls sufficient, %."""
 
 CLOSE = 0.2
-"""Part of gain and bandwidth within which the 95 % intervals of a model that a verdict calls sufficient must lie."""
+"""Part of gain and bandwidth within which the 99 % intervals of a model that a verdict calls sufficient must lie."""
+
+NORMAL_99 = 2.5758
+"""Quantile of the normal distribution, both sides together 1 %."""
 
 SMALL = 0.25
 """Gain, relative to the largest at any frequency, below which nothing depends on it."""
@@ -164,8 +167,8 @@ def verdict(result: Identification) -> str:
         words = f"not sufficient: {_DEPENDENT}"
     elif result.cautions:
         words = f"undecided: {'; '.join(result.cautions)}"
-    elif _undetermined(result.fitted):
-        words = f"undecided: {_undetermined(result.fitted)}"
+    elif _undetermined(result):
+        words = f"undecided: {_undetermined(result)}"
     elif not lowest >= SUFFICIENT:
         words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
     elif _no_better_than_command(result):
@@ -205,12 +208,14 @@ def _verdict_of_unstable(result: Identification) -> str:
     return f"{words}; the model is unstable, an open-loop simulation of it means nothing; fit one step ahead {fits}"
 
 
-def _undetermined(fitted: FittedModel) -> str:
+def _undetermined(result: Identification) -> str:
     """What of gain and bandwidth the record leaves open, in words; empty if nothing.
 
     The gain is that at the lowest frequency of the record: an integrator has none at 0 Hz. Where it is small beside the
-    gain at other frequencies, nothing depends on it.
+    gain at other frequencies, nothing depends on it. The 99 % intervals, widened by as much as other
+    structures that fit as well differ, must lie within `CLOSE`.
     """
+    fitted, (of_gain, of_bandwidth) = result.fitted, result.disagreement
     first = fitted.parts[0]
     lowest = 1.0 / (max(map(len, fitted.parts)) * first.dt)
     response = fitted.estimate.frequency_response(np.linspace(lowest, 0.5 / first.dt, GRID))
@@ -219,20 +224,27 @@ def _undetermined(fitted: FittedModel) -> str:
     magnitude = np.abs(response.response)
     deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
     integrates = _integrates(fitted)
+    if integrates:
+        of_gain = of_bandwidth = 1.0
+    others = "; structures that fit as well differ by {:.0%}"
     for (i, j), value in np.ndenumerate(magnitude[0]):
         path = ""
         if value.size < magnitude[0].size:
             path = f" from {(first.input_names or ())[j]} to {(first.output_names or ())[i]}"
-        if NORMAL_95 * deviation[i, j] > CLOSE * max(value, SMALL * magnitude[:, i, j].max()):
+        share = NORMAL_99 * deviation[i, j] / max(value, SMALL * magnitude[:, i, j].max())
+        if share + of_gain - 1.0 > CLOSE:
+            differ = others.format(of_gain - 1.0) if of_gain > 1.0 else ""
             return (
                 f"the record leaves the gain{path} open, {value:.3g} at {lowest:.3g} Hz with a standard deviation of "
-                f"{deviation[i, j]:.2g}; a longer record, or more of the input at low frequencies, would tell"
+                f"{deviation[i, j]:.2g}{differ}; a longer record, or more of the input at low frequencies, would tell"
             )
         claim = fitted.claims[i][j]
-        if claim.low > 0.0 and claim.high > (1.0 + CLOSE) ** 2 * claim.low:
+        ratio = (claim.high / claim.low) ** (0.5 * NORMAL_99 / NORMAL_95) if claim.low > 0.0 else 1.0
+        if ratio * of_bandwidth > 1.0 + CLOSE:
+            differ = others.format(of_bandwidth - 1.0) if of_bandwidth > 1.0 else ""
             return (
-                f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz; a longer record, "
-                "or more of the input at these frequencies, would tell"
+                f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz{differ}; a longer "
+                "record, or more of the input at these frequencies, would tell"
             )
         if claim.refused and not integrates and value >= SMALL * magnitude[:, i].max():
             return f"{claim.warnings[0]}{path}; a record whose input excites these frequencies would tell"

@@ -66,6 +66,8 @@ class StructureChoice(Locked):
         samples: Samples on which the candidates are compared.
         reason: Why this one, in words.
         cautions: What the data cannot tell about it, in words.
+        disagreement: Largest ratios, 1 or more, of gain at 0 Hz and of bandwidth between it and the candidates that the
+            criterion hardly tells from it; 1 where there are none.
     """
 
     estimate: Estimate
@@ -74,6 +76,7 @@ class StructureChoice(Locked):
     samples: int
     reason: str
     cautions: tuple[str, ...] = ()
+    disagreement: tuple[float, float] = (1.0, 1.0)
 
     def _parts(self) -> list[Part]:
         best, listed = self.candidates[0], self.candidates[:LISTED]
@@ -230,6 +233,7 @@ def auto(
         samples=search.samples,
         reason=reason,
         cautions=tuple(cautions),
+        disagreement=search.disagreement(ranked),
     )
 
 

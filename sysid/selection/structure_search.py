@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sysid.models.estimate import mean_square
-from sysid.models.polynomials import innovations_form, stabilised
+from sysid.models.polynomials import Polynomials, innovations_form, stabilised
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.arx import arx
@@ -69,6 +69,9 @@ of one that follows a disturbance, and nowhere near a plant that integrates."""
 
 FAR_LEVEL = 3.0
 """Distance of a constant in the output from the mean of its record, relative to the range of that, that is no level."""
+
+HARDLY_TOLD = 6.0
+"""EBIC above the best up to which the evidence against a candidate is positive and no more [KassRaftery1995]."""
 
 DEVIATIONS = 4.0  # of the modulus of a pole outside the unit circle, from which on a plant counts as unstable
 
@@ -390,9 +393,7 @@ class StructureSearch:
         theta = at.theta
         method = _structure_of(orders)
         errors, levels = zip(*(_errors_and_trend(e, orders, theta) for e in self.experiments), strict=True)
-        # C and D move no pole of the input path
-        path = replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
-        model = innovations_form(path, self.experiments[0].dt, 1.0)
+        model = innovations_form(_input_path(orders, theta), self.experiments[0].dt, 1.0)
         transients = sum(
             _compared_transients(orders, theta, len(e), skipped)
             for e, skipped in zip(self.experiments, self._skipped, strict=True)
@@ -513,11 +514,49 @@ class StructureSearch:
         handicaps = float(np.isfinite(candidate.drive)) + float(candidate.vague_offset)
         return candidate.ebic + SLOW * handicaps
 
+    def disagreement(self, ranked: Sequence[Candidate]) -> tuple[float, float]:
+        """Largest ratios of gain and bandwidth between the best candidate and those that are hardly worse.
+
+        The interval of one model is that of its structure. Where another one that the data hardly tell from it says
+        something else, the interval says less than it seems [Buckland1997].
+        """
+        best = ranked[0]
+        paths = {}
+        for fit in self.fits.values():
+            name = (fit.candidate.method, fit.orders.select(*ORDERS[fit.candidate.method]), fit.orders.trend)
+            paths[str(name)] = fit
+        gains, bandwidths = [], []
+        for candidate in ranked:
+            near_fit = paths.get(str((candidate.method, dict(candidate.orders), candidate.trend)))
+            is_near = candidate is best or self.criterion(candidate) < self.criterion(best) + HARDLY_TOLD
+            if near_fit is None or not is_near:
+                continue
+            model = innovations_form(_input_path(near_fit.orders, near_fit.theta), self.experiments[0].dt, 1.0)
+            gains.append(np.abs(model.dc_gain()).ravel())
+            bandwidths.append(model.bandwidth().ravel())
+        return _largest_ratio(gains), _largest_ratio(bandwidths)
+
     def ranked(self) -> tuple[Candidate, ...]:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
         return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
+
+
+def _input_path(orders: Orders, theta: FloatArray) -> Polynomials:
+    """The polynomials without C and D, which move no pole of the input path."""
+    return replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
+
+
+def _largest_ratio(values: Sequence[FloatArray]) -> float:
+    """Largest ratio, 1 or more, of positive values (nu,) to the first of them; what is not finite is left out."""
+    largest = 1.0
+    for other in values[1:]:
+        with np.errstate(all="ignore"):
+            ratios = np.abs(np.log(other / values[0]))
+        finite = ratios[np.isfinite(ratios)]
+        largest = max(largest, float(np.exp(finite.max(initial=0.0))))
+    return largest
 
 
 def complete_parts(experiments: Experiments) -> list[IOData]:
