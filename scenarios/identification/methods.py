@@ -169,7 +169,7 @@ BENCH_ENTRIES: Mapping[str, BenchEntry] = MappingProxyType(
 """Entries of the test bench by the names of their methods."""
 
 
-def estimate(data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: bool) -> "Estimate":
+def estimate(data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: Any) -> "Estimate":
     """Run an estimator by name.
 
     Args:

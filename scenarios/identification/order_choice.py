@@ -22,9 +22,6 @@ STEADY = 0.02
 SHORTEST = 400
 """Samples of the longest record from which on a part is held out; fewer are needed for the choice."""
 
-LEVEL_ORDERS = (8, *range(1, 9))
-"""Orders of the ARX models that give the operating point for the choice: the first, or of exact fits the lowest."""
-
 
 def choose_and_identify(
     records: Sequence[IOData],
@@ -71,6 +68,7 @@ def choose_and_identify(
             *chosen,
             keep_mean=keep_mean,
             trend=choice.candidates[0].trend_options,
+            start=None if chosen[0] == "arx" else choice.estimate.polynomials,
             steps=steps,
             check=check,
             continued=continued,

@@ -202,7 +202,7 @@ def auto(
     if simulated is not None:
         first = ranked[0]
         ranked = (simulated.candidate, *(candidate for candidate in ranked if candidate is not simulated.candidate))
-        estimate = _with_warnings(*_fitted(experiments, simulated.candidate, search.direct))
+        estimate = _with_warnings(*_fitted(experiments, simulated.candidate, search))
     best = ranked[0]
     reason = _reason(search, ranked, delays, sum(map(len, experiments)))
     if simulated is not None:
@@ -265,11 +265,11 @@ def _ranked_by_simulation(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         ranking = better_in_simulation(
-            search, best, delays, lambda records, candidate: _estimate(records, candidate, search.direct)
+            search, best, delays, lambda records, candidate: _estimate(records, candidate, search)
         )
         if ranking is None:
             return None
-        estimate = _estimate(experiments, ranking.candidate, search.direct)
+        estimate = _estimate(experiments, ranking.candidate, search)
     return ranking if estimate.model.input_path().is_stable() else None
 
 
@@ -288,11 +288,11 @@ def _ranked_with_estimate(experiments: Experiments, search: StructureSearch) -> 
     for the next one that is what it was.
     """
     ranked = search.ranked()
-    first = _fitted(experiments, ranked[0], search.direct)
+    first = _fitted(experiments, ranked[0], search)
     for candidate in ranked[:TRIED]:
         if candidate.radius >= 1.0 or not candidate.eligible:
             break
-        estimate, caught = first if candidate is ranked[0] else _fitted(experiments, candidate, search.direct)
+        estimate, caught = first if candidate is ranked[0] else _fitted(experiments, candidate, search)
         if estimate.model.input_path().is_stable():
             others = tuple(other for other in ranked if other is not candidate)
             return (candidate, *others), _with_warnings(estimate, caught)
@@ -300,12 +300,12 @@ def _ranked_with_estimate(experiments: Experiments, search: StructureSearch) -> 
 
 
 def _fitted(
-    experiments: Experiments, candidate: Candidate, direct: bool
+    experiments: Experiments, candidate: Candidate, search: StructureSearch
 ) -> tuple[Estimate, list[warnings.WarningMessage]]:
     """The model of a candidate, and the warnings of its fit, which the reader gets of the chosen one alone."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SysidWarning)
-        return _estimate(experiments, candidate, direct), caught
+        return _estimate(experiments, candidate, search), caught
 
 
 def _with_warnings(estimate: Estimate, caught: Sequence[warnings.WarningMessage]) -> Estimate:
@@ -315,15 +315,17 @@ def _with_warnings(estimate: Estimate, caught: Sequence[warnings.WarningMessage]
     return estimate
 
 
-def _estimate(experiments: Experiments, chosen: Candidate, direct: bool) -> Estimate:
+def _estimate(experiments: Experiments, chosen: Candidate, search: StructureSearch) -> Estimate:
     """The chosen model, estimated from all data."""
     if chosen.method == "pem_ss":
         orders: Mapping[str, Any] = chosen.orders
         nk = orders.get("nk", 0)
-        start = n4sid(complete_parts(experiments), orders["order"], nk=nk, direct=direct)
-        return pem_ss(experiments, start, direct=direct)
+        start = n4sid(complete_parts(experiments), orders["order"], nk=nk, direct=search.direct)
+        return pem_ss(experiments, start, direct=search.direct)
     estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
-    return estimators[chosen.method](experiments, **chosen.orders, **chosen.trend_options)
+    # the search has found a minimum already: only arx, which needs none, starts from nothing
+    options: dict[str, Any] = {} if chosen.method == "arx" else {"start": search.polynomials_of(chosen)}
+    return estimators[chosen.method](experiments, **chosen.orders, **chosen.trend_options, **options)
 
 
 def _trends(experiments: Experiments, offset: bool | None, trend: bool | None) -> tuple[int, ...]:

@@ -268,16 +268,7 @@ class StructureSearch:
         for path, beside_noise in best_of_path.items():
             candidate = self.try_orders(path)
             if candidate is not None:
-                # evidence for slow modes and poles is that of the model with noise too
-                self.candidates.append(
-                    replace(
-                        candidate,
-                        ebic=beside_noise.ebic,
-                        drive=beside_noise.drive,
-                        excess=beside_noise.excess,
-                        radius=beside_noise.radius,
-                    )
-                )
+                self.candidates.append(replace(candidate, ebic=beside_noise.ebic))
 
     def climb_states(self, delays: tuple[int, ...] = ()) -> None:
         """Try rising orders of a state-space model, with known delays of the inputs in samples and without.
@@ -521,13 +512,9 @@ class StructureSearch:
         something else, the interval says less than it seems [Buckland1997].
         """
         best = ranked[0]
-        paths = {}
-        for fit in self.fits.values():
-            name = (fit.candidate.method, fit.orders.select(*ORDERS[fit.candidate.method]), fit.orders.trend)
-            paths[str(name)] = fit
         gains, bandwidths = [], []
         for candidate in ranked:
-            near_fit = paths.get(str((candidate.method, dict(candidate.orders), candidate.trend)))
+            near_fit = self._fit_of(candidate)
             is_near = candidate is best or self.criterion(candidate) < self.criterion(best) + HARDLY_TOLD
             if near_fit is None or not is_near:
                 continue
@@ -535,6 +522,20 @@ class StructureSearch:
             gains.append(np.abs(model.dc_gain()).ravel())
             bandwidths.append(model.bandwidth().ravel())
         return _largest_ratio(gains), _largest_ratio(bandwidths)
+
+    def polynomials_of(self, candidate: Candidate) -> Polynomials | None:
+        """Model of a candidate with one output as far as the search refined it."""
+        fit = self._fit_of(candidate)
+        return None if fit is None else fit.orders.polynomials(fit.theta)
+
+    def _fit_of(self, candidate: Candidate) -> Fit | None:
+        """Fit of a candidate, by its method and orders."""
+        for fit in self.fits.values():
+            method, trend = fit.candidate.method, fit.orders.trend
+            same_kind = (method, trend) == (candidate.method, candidate.trend)
+            if same_kind and fit.orders.select(*ORDERS[method]) == dict(candidate.orders):
+                return fit
+        return None
 
     def ranked(self) -> tuple[Candidate, ...]:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
