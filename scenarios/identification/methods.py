@@ -16,7 +16,7 @@ from scenarios.files.toml_file import read_toml
 
 # NumPy and the toolbox are loaded when a method is used: the help of the command line reads the table too.
 if TYPE_CHECKING:
-    from sysid import Estimate, IOData
+    from sysid import Estimate, IOData, Polynomials
     from sysid.validation.predictors import Predictor
     from sysid.validation.structure_scan import Order
 
@@ -169,7 +169,7 @@ BENCH_ENTRIES: Mapping[str, BenchEntry] = MappingProxyType(
 """Entries of the test bench by the names of their methods."""
 
 
-def estimate(data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: Any) -> "Estimate":
+def estimate(data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: "bool | Polynomials") -> "Estimate":
     """Run an estimator by name.
 
     Args:
