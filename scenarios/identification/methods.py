@@ -169,7 +169,9 @@ BENCH_ENTRIES: Mapping[str, BenchEntry] = MappingProxyType(
 """Entries of the test bench by the names of their methods."""
 
 
-def estimate(data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: "bool | Polynomials") -> "Estimate":
+def estimate(
+    data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: "bool | Polynomials"
+) -> "Estimate":
     """Run an estimator by name.
 
     Args:
