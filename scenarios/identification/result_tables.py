@@ -167,12 +167,12 @@ def verdict(result: Identification) -> str:
         words = f"not sufficient: {_DEPENDENT}"
     elif result.cautions:
         words = f"undecided: {'; '.join(result.cautions)}"
-    elif _undetermined(result):
-        words = f"undecided: {_undetermined(result)}"
+    elif left_open := _undetermined(result):
+        words = f"undecided: {left_open}"
     elif not lowest >= SUFFICIENT:
         words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
-    elif _no_better_than_command(result):
-        words = f"undecided: {_no_better_than_command(result)}"
+    elif no_better := _no_better_than_command(result):
+        words = f"undecided: {no_better}"
     elif not result.test.white.all():
         words = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
     else:

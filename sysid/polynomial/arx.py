@@ -130,8 +130,7 @@ def regression_estimate(
     warn_each(messages, stacklevel=3)
     recorded = experiments
     if orders.trend_terms:
-        none = Levelled(tuple(experiments), tuple(np.zeros(len(e)) for e in experiments))
-        levelled = none.subtract(trends_of_outputs(experiments, orders, theta))
+        levelled = Levelled.of(experiments).subtract(trends_of_outputs(experiments, orders, theta))
         experiments = levelled.experiments
         diagnostics = {**diagnostics, **trend_diagnostics(levelled)}
     return make_estimate(

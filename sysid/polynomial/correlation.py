@@ -98,6 +98,26 @@ def autoregression(e: FloatArray, order: int, *, select: bool = False) -> tuple[
     return whitener, correlations / correlations[0]
 
 
+COLOUR = 20  # highest order of the autoregressive model of errors
+ERRORS_PER_COEFFICIENT = 20  # of that model, at least
+
+
+def colour(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Autoregressive model of errors (N,), NaN where the output is missing: its whitener and its correlations."""
+    order = min(COLOUR, int(np.isfinite(errors).sum()) // ERRORS_PER_COEFFICIENT)
+    return autoregression(errors, order, select=True)
+
+
+def relative_spectrum(whitener: FloatArray, correlations: FloatArray, angle: float) -> float:
+    """Spectrum of errors at a frequency, rad per sample, relative to that of white errors of the same variance.
+
+    Whitener and correlations are those of `colour`.
+    """
+    variance_of_innovations = float(whitener @ correlations[: len(whitener)])
+    response = np.polyval(whitener[::-1], np.exp(-1j * angle))
+    return variance_of_innovations / max(float(np.abs(response)) ** 2, float(np.finfo(float).tiny))
+
+
 def prewhitened(experiments: Sequence[IOData], channel: int, order: int) -> list[tuple[FloatArray, FloatArray]]:
     """Filter inputs (N, nu) and outputs (N, ny) of each experiment by the whitener of one input [Ljung1999, sec. 6.1].
 

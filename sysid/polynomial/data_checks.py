@@ -86,10 +86,10 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int], *, re
     _refuse_constant_outputs(experiments)
     constant = constant_inputs(experiments)
     if not rest:
-        _refuseconstant_inputs(experiments, constant)
+        _refuse_constant_inputs(experiments, constant)
         return _poorly_excited(experiments, needed) + _dependent_inputs(experiments, needed)
     stepping = {j for j in constant if any(e.u[:, j].any() for e in experiments)}
-    _refuseconstant_inputs(experiments, constant - stepping)
+    _refuse_constant_inputs(experiments, constant - stepping)
     messages = [_step_message(experiments, j) for j in sorted(stepping)]
     # a step excites all frequencies: more rows of rest before it than the model has orders show that
     before = max((*needed, 1))
@@ -98,7 +98,7 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int], *, re
 
 
 def after_rest(experiments: Sequence[IOData], rows: int) -> tuple[IOData, ...]:
-    """The experiments behind rows of rest, inputs and outputs of zero."""
+    """Experiments with a time at rest before them: rows of zero inputs and outputs."""
     with_rest = []
     for e in experiments:
         u = np.vstack((np.zeros((rows, e.nu)), e.u))
@@ -126,7 +126,7 @@ def constant_inputs(experiments: Sequence[IOData]) -> set[int]:
     return constant
 
 
-def _refuseconstant_inputs(experiments: Sequence[IOData], constant: set[int]) -> None:
+def _refuse_constant_inputs(experiments: Sequence[IOData], constant: set[int]) -> None:
     for j in sorted(constant):
         name = (experiments[0].input_names or ())[j]
         values = [e.u[0, j] for e in experiments]

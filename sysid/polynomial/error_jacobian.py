@@ -74,6 +74,14 @@ def error_jacobian(
     return _free_conditions_jacobian(y, u, orders, polynomials, start, transients)
 
 
+def jacobian_of_record(
+    experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
+) -> ErrorJacobian:
+    """`error_jacobian` of a complete record, `gapped_error_jacobian` of one with missing outputs."""
+    jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
+    return jacobian(experiment, orders, theta, initial_conditions)
+
+
 def _jacobian_beside_trend(
     jacobian: Callable[[IOData, Orders, FloatArray, InitialConditions], ErrorJacobian],
     experiment: IOData,

@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.models.predict import residuals
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.correlation import autoregression
+from sysid.polynomial.correlation import ERRORS_PER_COEFFICIENT, colour, relative_spectrum
 from sysid.polynomial.error_jacobian import error_jacobian
 from sysid.polynomial.fit_with_offset import unexplained_offset
 from sysid.polynomial.initial_conditions import InitialConditions
@@ -23,8 +23,6 @@ MATERIAL = 0.05  # offset, relative to the deviation of the output, from which o
 CERTAIN = 30.0  # evidence, chi-squared with a degree of freedom for each output: five deviations
 LONGEST = 20_000  # samples of a record that are looked at: a transient at the beginning moves the mean of no longer one
 REFINEMENTS = 15  # steps of a fit with a constant, which shows whether the one without lacks it
-COLOUR = 20  # highest order of the autoregressive model of the errors
-ERRORS_PER_COEFFICIENT = 20  # of that model, at least
 EXACT = 1e-20  # sum of squares of the errors, relative to that of the outputs, that is rounding
 
 ADVICE = "; oe, arx, armax, bj, tfest and procest take offset=True"
@@ -146,10 +144,4 @@ def is_material(offset: FloatArray, record: IOData) -> bool:
 
 def spectrum_at_zero(errors: FloatArray) -> float:
     """Largest spectrum at 0 Hz of errors (N, ny), NaN where missing, relative to that of white ones."""
-    largest = 0.0
-    for column in errors.T:
-        order = min(COLOUR, int(np.isfinite(column).sum()) // ERRORS_PER_COEFFICIENT)
-        whitener, correlations = autoregression(column, order, select=True)
-        innovations = float(whitener @ correlations[: len(whitener)])
-        largest = max(largest, innovations / max(float(whitener.sum()) ** 2, float(np.finfo(float).tiny)))
-    return largest
+    return max(relative_spectrum(*colour(column), 0.0) for column in errors.T)

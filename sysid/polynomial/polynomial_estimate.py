@@ -15,7 +15,7 @@ from sysid.models.predict import residuals
 from sysid.models.record_hash import record_hash
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
-from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
+from sysid.polynomial.error_jacobian import jacobian_of_record
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
 from sysid.polynomial.offset_test import missing_constant, offset_messages
@@ -291,8 +291,7 @@ def trends_of_outputs(
     """Trend of the output (N_i,) of each experiment that explains most of the errors of a model."""
     trends = []
     for experiment in experiments:
-        jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
-        coefficients = jacobian(experiment, orders, theta, initial_conditions).trend
+        coefficients = jacobian_of_record(experiment, orders, theta, initial_conditions).trend
         trends.append(trend_terms(orders.trend, len(experiment)) @ coefficients)
     return trends
 

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from sysid.polynomial.correlation import autoregression
-from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian
+from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian, jacobian_of_record
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
@@ -293,10 +293,7 @@ def linearise(
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Linearisation:
     """Criterion and exact first derivatives at parameters theta (p,)."""
-    jacobians = []
-    for experiment in experiments:
-        jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
-        jacobians.append(jacobian(experiment, orders, theta, initial_conditions))
+    jacobians = [jacobian_of_record(e, orders, theta, initial_conditions) for e in experiments]
     # stacking copies the largest array of the search
     columns = jacobians[0].columns if len(jacobians) == 1 else np.vstack([jacobian.columns for jacobian in jacobians])
     p = orders.count

@@ -55,6 +55,11 @@ class Levelled:
     experiments: tuple[IOData, ...]
     trends: tuple[FloatArray, ...]
 
+    @staticmethod
+    def of(experiments: Sequence[IOData]) -> "Levelled":
+        """The records as they are, nothing subtracted yet."""
+        return Levelled(tuple(experiments), tuple(np.zeros(len(e)) for e in experiments))
+
     def subtract(self, trends: Sequence[FloatArray]) -> "Levelled":
         """Subtract further trends (N_i,)."""
         experiments, total = [], []
@@ -118,8 +123,7 @@ def level(experiments: Sequence[IOData], degree: int) -> Levelled:
         trend(shape, experiment.y, experiment.window)[:, 0]
         for shape, experiment in zip(shapes, experiments, strict=True)
     ]
-    none = Levelled(tuple(experiments), tuple(np.zeros(len(e)) for e in experiments))
-    levelled = none.subtract(rough)
+    levelled = Levelled.of(experiments).subtract(rough)
     return levelled.subtract(_trends_beside_arx(levelled.experiments, degree))
 
 

@@ -12,14 +12,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sysid.models.estimate import Estimate
-from sysid.models.polynomials import innovations_form
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
-from sysid.polynomial.orders import Orders
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
-from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch
+from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, rising_orders
 
 LADDER = 4  # largest order of output-error models that are tried beside those of the search
 FITTED = 0.6  # part of the longest record on which candidates are estimated anew; they are simulated on the rest
@@ -96,9 +94,7 @@ def _pool(search: StructureSearch, chosen: Candidate, delays: Sequence[int]) -> 
     if "oe" in search.methods:
         for nk in dict.fromkeys((tuple(delays), tuple(min(delay, 1) for delay in delays))):
             for n in range(1, LADDER + 1):
-                by_input = (n,) * len(nk)
-                orders = Orders(0, by_input, 0, 0, by_input, nk, chosen.trend)
-                candidate = search.try_orders(orders)
+                candidate = search.try_orders(rising_orders("oe", n, nk, chosen.trend))
                 if candidate is not None:
                     pool.append(candidate)
     unique = {id(candidate): candidate for candidate in pool}
@@ -107,12 +103,8 @@ def _pool(search: StructureSearch, chosen: Candidate, delays: Sequence[int]) -> 
 
 def _error_of_fit(search: StructureSearch, candidate: Candidate, record: IOData, degree: int) -> float:
     """Mean square error of a candidate in simulation of a record of the search; infinite for unstable ones."""
-    fit = next((fit for fit in search.fits.values() if fit.candidate is candidate), None)
-    if fit is None:
-        return np.inf
-    # C and D move no pole of the input path
-    path = replace(fit.orders.polynomials(fit.theta), C=np.ones(1), D=np.ones(1))
-    return _simulation_error(innovations_form(path, record.dt, 1.0).input_path(), record, degree)
+    model = search.input_path_of(candidate)
+    return np.inf if model is None else _simulation_error(model.input_path(), record, degree)
 
 
 def _simulation_error(model: StateSpace, record: IOData, degree: int) -> float:

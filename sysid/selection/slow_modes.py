@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sysid.polynomial.correlation import autoregression
+from sysid.polynomial.correlation import colour, relative_spectrum
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import directions
 from sysid.polynomial.prediction_error import Linearisation
@@ -17,9 +17,6 @@ from sysid.records.arrays import FloatArray
 
 TIME_CONSTANTS = 3.0
 """Time constants that a record must hold of a mode: of a slower one it hardly tells more than of an integrator."""
-
-COLOUR = 20  # highest order of the autoregressive model of the errors
-ERRORS_PER_COEFFICIENT = 20  # of that model, at least
 
 
 def slow_radius(samples: int) -> float:
@@ -75,7 +72,7 @@ def least_drive(at: Linearisation, orders: Orders, errors: Sequence[FloatArray],
         values = np.array(rows)
         numerators = np.concatenate([at.theta[positions] for positions in of_b])
         value = values @ numerators
-        spread = values @ covariance @ values.T * _relative_spectrum(whitener, correlations, pole)
+        spread = values @ covariance @ values.T * relative_spectrum(whitener, correlations, float(np.angle(pole)))
         statistic = float(value @ np.linalg.pinv(spread, hermitian=True) @ value) / len(value)
         least = min(least, statistic)
     return least
@@ -87,16 +84,3 @@ def _numerator_covariance(at: Linearisation, orders: Orders) -> FloatArray:
     half, _ = directions(at)
     numerators = np.concatenate([half[positions] for positions in of_b])
     return np.asarray(numerators @ numerators.T)
-
-
-def colour(errors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Autoregressive model of errors (N,), NaN where the output is missing: its whitener and its correlations."""
-    order = min(COLOUR, int(np.isfinite(errors).sum()) // ERRORS_PER_COEFFICIENT)
-    return autoregression(errors, order, select=True)
-
-
-def _relative_spectrum(whitener: FloatArray, correlations: FloatArray, pole: complex) -> float:
-    """Spectrum of the errors at the frequency of a pole, relative to that of white errors of the same variance."""
-    variance_of_innovations = float(whitener @ correlations[: len(whitener)])
-    response = np.polyval(whitener[::-1], np.exp(-1j * np.angle(pole)))
-    return variance_of_innovations / max(float(np.abs(response)) ** 2, float(np.finfo(float).tiny))

@@ -14,7 +14,7 @@ from sysid.models.polynomials import Polynomials, innovations_form, stabilised
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.arx import arx
-from sysid.polynomial.error_jacobian import error_jacobian, free_transients, gapped_error_jacobian, orthonormal
+from sysid.polynomial.error_jacobian import free_transients, jacobian_of_record, orthonormal
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import (
     armax_initial_estimates,
@@ -228,7 +228,7 @@ class StructureSearch:
                 # a delay that is far too long leaves no method near a true model of low order: that one is tried anyway
                 largest = self.largest if best <= limit else LOW
                 if name in self.methods and (best <= limit or name == PLAINEST):
-                    ladder = [_rising_orders(name, n, nk, self.trends[0]) for n in range(1, largest + 1)]
+                    ladder = [rising_orders(name, n, nk, self.trends[0]) for n in range(1, largest + 1)]
                     self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
@@ -248,7 +248,7 @@ class StructureSearch:
                 # a pair of poles is no change of a single order
                 degree = max(fit.orders.na, *fit.orders.nf)
                 for n in range(degree + 1, min(degree + PATIENCE, self.largest) + 1):
-                    rising = _rising_orders(fit.candidate.method, n, fit.orders.nk, fit.orders.trend)
+                    rising = rising_orders(fit.candidate.method, n, fit.orders.nk, fit.orders.trend)
                     self.try_orders(rising)
         for family in FAMILIES:
             self._refine(family, shortest)
@@ -384,7 +384,7 @@ class StructureSearch:
         theta = at.theta
         method = _structure_of(orders)
         errors, levels = zip(*(_errors_and_trend(e, orders, theta) for e in self.experiments), strict=True)
-        model = innovations_form(_input_path(orders, theta), self.experiments[0].dt, 1.0)
+        model = self._input_path(orders, theta)
         transients = sum(
             _compared_transients(orders, theta, len(e), skipped)
             for e, skipped in zip(self.experiments, self._skipped, strict=True)
@@ -514,11 +514,10 @@ class StructureSearch:
         best = ranked[0]
         gains, bandwidths = [], []
         for candidate in ranked:
-            near_fit = self._fit_of(candidate)
+            model = self.input_path_of(candidate)
             is_near = candidate is best or self.criterion(candidate) < self.criterion(best) + HARDLY_TOLD
-            if near_fit is None or not is_near:
+            if model is None or not is_near:
                 continue
-            model = innovations_form(_input_path(near_fit.orders, near_fit.theta), self.experiments[0].dt, 1.0)
             gains.append(np.abs(model.dc_gain()).ravel())
             bandwidths.append(model.bandwidth().ravel())
         return _largest_ratio(gains), _largest_ratio(bandwidths)
@@ -527,6 +526,16 @@ class StructureSearch:
         """Model of a candidate with one output as far as the search refined it."""
         fit = self._fit_of(candidate)
         return None if fit is None else fit.orders.polynomials(fit.theta)
+
+    def input_path_of(self, candidate: Candidate) -> StateSpace | None:
+        """Path from the input to the output of a candidate as far as the search refined it."""
+        fit = self._fit_of(candidate)
+        return None if fit is None else self._input_path(fit.orders, fit.theta)
+
+    def _input_path(self, orders: Orders, theta: FloatArray) -> StateSpace:
+        """The model without C and D, which move no pole of the input path."""
+        path = replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
+        return innovations_form(path, self.experiments[0].dt, 1.0)
 
     def _fit_of(self, candidate: Candidate) -> Fit | None:
         """Fit of a candidate, by its method and orders."""
@@ -542,11 +551,6 @@ class StructureSearch:
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
         return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
-
-
-def _input_path(orders: Orders, theta: FloatArray) -> Polynomials:
-    """The polynomials without C and D, which move no pole of the input path."""
-    return replace(orders.polynomials(theta), C=np.ones(1), D=np.ones(1))
 
 
 def _largest_ratio(values: Sequence[FloatArray]) -> float:
@@ -565,7 +569,7 @@ def complete_parts(experiments: Experiments) -> list[IOData]:
     return list(chain.from_iterable(e.complete_parts() for e in experiments))
 
 
-def _rising_orders(structure: str, n: int, nk: tuple[int, ...], trend: int) -> Orders:
+def rising_orders(structure: str, n: int, nk: tuple[int, ...], trend: int) -> Orders:
     """Orders of a structure whose dynamics have degree n, with n coefficients of each B."""
     by_input, none = (n,) * len(nk), (0,) * len(nk)
     if structure == "arx":
@@ -588,8 +592,7 @@ def _independent_starts(experiments: Experiments, orders: Orders) -> Iterator[In
 
 def _errors_and_trend(experiment: IOData, orders: Orders, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
     """One-step errors (N, 1), NaN where the output is missing, and the coefficients of the trend (k,)."""
-    jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
-    at = jacobian(experiment, orders, theta, InitialConditions.ESTIMATED)
+    at = jacobian_of_record(experiment, orders, theta, InitialConditions.ESTIMATED)
     errors = at.columns[:, -1:]
     start = np.zeros((len(experiment) - len(errors), 1))
     return np.where(experiment.known, np.vstack((start, errors)), np.nan), at.trend
