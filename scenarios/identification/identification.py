@@ -17,7 +17,7 @@ from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.methods import ESTIMATORS, estimate
 from scenarios.identification.run_agreement import RunAgreement, run_agreement
-from sysid import Bandwidth, Estimate, IOData, ModelFit, Polynomials, ResidualTest, SysidError
+from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.polynomial.orders import Orders
@@ -168,7 +168,7 @@ def fit_model(
     keep_mean: bool = False,
     check: Sequence[IOData] | None = None,
     trend: Mapping[str, bool] | None = None,
-    start: Polynomials | None = None,
+    found: Estimate | None = None,
 ) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
 
@@ -180,7 +180,8 @@ def fit_model(
         check: Records that judge the model; None if these do.
         trend: Options of the estimator for a constant or a straight line in the output; without them a constant is
             estimated in turns with the model, beside `keep_mean` none.
-        start: Model near the answer, from which a search begins, for armax, oe and bj; None finds its own.
+        found: The model where it is known from a choice of orders on the same records about their means; None
+            estimates it.
 
     Raises:
         ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one, a trend for a method
@@ -192,20 +193,21 @@ def fit_model(
         several = ", ".join(name for name, estimator in ESTIMATORS.items() if estimator.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
     run = partial(estimate, method=method, orders=orders)
-    if start is not None:
-        run = partial(run, start=start)
+    if found is not None and found.polynomials is not None and method != "arx":
+        # searches about other operating points begin there
+        run = partial(run, start=found.polynomials)
     with warnings.catch_warnings():
         # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         if trend:
             _check_trend(method, trend)
             shifted = subtract_means(records)
-            model = partial(run, **trend)(shifted)
+            model = found or partial(run, **trend)(shifted)
             used = _without_trends(model, shifted)
         elif keep_mean:
-            model, used = run(tuple(records)), tuple(records)
+            model, used = found or run(tuple(records)), tuple(records)
         else:
-            about_point = fit_with_offset(run, records)
+            about_point = fit_with_offset(run, records, found=found)
             model, used = about_point.estimate, about_point.parts
         band, longest = model.bandwidth(), max(used, key=len)
         claims = []
@@ -247,7 +249,7 @@ def identify(
     *,
     keep_mean: bool = False,
     trend: Mapping[str, bool] | None = None,
-    start: Polynomials | None = None,
+    found: Estimate | None = None,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
     continued: bool = False,
@@ -260,7 +262,7 @@ def identify(
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
         trend: Options of the estimator for a constant or a straight line in the output, as in `fit_model`.
-        start: Model near the answer, likewise.
+        found: The model where it is known, likewise.
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
         continued: Whether these continue the records, so that the operating point of the model is theirs too: of other
@@ -270,7 +272,7 @@ def identify(
         ScenarioError: See `fit_model`.
         SysidError: The estimator refuses the records.
     """
-    fitted = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, start=start, check=check)
+    fitted = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, found=found, check=check)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)

@@ -68,7 +68,7 @@ def choose_and_identify(
             *chosen,
             keep_mean=keep_mean,
             trend=choice.candidates[0].trend_options,
-            start=None if chosen[0] == "arx" else choice.estimate.polynomials,
+            found=choice.estimate,
             steps=steps,
             check=check,
             continued=continued,

@@ -137,6 +137,8 @@ def _nonlinearity_in_words(result: Identification) -> str:
     kind = test.kinds[worst]
     likeness = f", as with {kind}" if kind else ""
     advice = _OTHER_AMPLITUDE.get(kind, "a larger amplitude, at which it matters less")
+    if not test.varies[worst]:
+        advice = f"{advice} (commands of one amplitude do not tell how much)"
     return (
         f"{subject} nonlinearly on the input{likeness} ({100.0 * test.distortion[worst]:.2g} % of it, "
         f"p = {test.p_values[worst]:.2g}): gain and bandwidth are those of this amplitude alone; repeat at {advice}"

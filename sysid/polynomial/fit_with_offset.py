@@ -59,7 +59,9 @@ def subtract_means(parts: Sequence[IOData]) -> tuple[IOData, ...]:
     return tuple(subtracted)
 
 
-def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData]) -> OffsetFit:
+def fit_with_offset(
+    run: Callable[[Sequence[IOData]], Estimate], parts: Sequence[IOData], *, found: Estimate | None = None
+) -> OffsetFit:
     """Estimate a model together with a constant on every output of each run.
 
     The mean output of a record with a transient is not the output at the mean input. So the remaining constant is
@@ -68,12 +70,13 @@ def fit_with_offset(run: Callable[[Sequence[IOData]], Estimate], parts: Sequence
     Args:
         run: The estimator.
         parts: Records with the same channels; outputs may be missing.
+        found: What the estimator gives of the records about their means, where that is known.
 
     Returns:
         Model and records.
     """
     shifted = subtract_means(parts)
-    estimate, least_error = run(shifted), np.inf
+    estimate, least_error = run(shifted) if found is None else found, np.inf
     output_power = sum(float(np.nansum(record.y**2)) for record in shifted)
     result, last_offsets = OffsetFit(estimate, shifted), np.zeros((len(parts), parts[0].ny))
     for _ in range(ROUNDS):

@@ -2,7 +2,10 @@
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from enum import Enum
+from enum import auto as auto_value
 from typing import Any
 
 import numpy as np
@@ -195,10 +198,11 @@ def auto(
     ranked, estimate = _ranked_with_estimate(experiments, search)
     simulated = None
     may_judge = not search.validation and not at_once and not search.is_rounding(ranked[0])
-    if may_judge and _residuals_object(ranked[0], estimate, experiments, fed_back):
+    objection = _objection(ranked[0], estimate, experiments, fed_back) if may_judge else Objection.NONE
+    if objection is not Objection.NONE:
         if methods is None:
             search.methods = names
-        simulated = _ranked_by_simulation(experiments, search, ranked[0], delays)
+        simulated = _ranked_by_simulation(experiments, search, ranked[0], delays, objection)
     if simulated is not None:
         first = ranked[0]
         ranked = (simulated.candidate, *(candidate for candidate in ranked if candidate is not simulated.candidate))
@@ -207,7 +211,7 @@ def auto(
     reason = _reason(search, ranked, delays, sum(map(len, experiments)))
     if simulated is not None:
         reason = (
-            f"{best}: in simulation of a part that it was not fitted to, its error is {simulated.ratio:.2g} times that "
+            f"{best}: in simulation of a part that it was not fitted to, its error is {simulated.ratio:.3g} times that "
             f"of {first}, which has the lowest EBIC of {len(ranked)} candidates on {search.samples} of "
             f"{sum(map(len, experiments))} samples; delays by delayest: {', '.join(map(str, delays))} samples"
         )
@@ -237,40 +241,61 @@ def auto(
     )
 
 
-def _residuals_object(best: Candidate, estimate: Estimate, experiments: Experiments, fed_back: bool) -> bool:
-    """Whether the residuals of the best candidate show that it is not right: then simulated errors may choose another.
+class Objection(Enum):
+    """What the residuals of the best candidate show against it."""
+
+    NONE = auto_value()
+    DEPENDENT = auto_value()
+    """They depend on the input."""
+    NONLINEAR = auto_value()
+    """They depend on it nonlinearly, so much that it matters."""
+
+
+def _objection(best: Candidate, estimate: Estimate, experiments: Experiments, fed_back: bool) -> Objection:
+    """What shows that the best candidate is not right: then simulated errors may choose another.
 
     Beside feedback they would prefer a biased one, however right the best is. What looks like feedback is a
     nonlinearity where the residuals show one. Simulated integrators drift with their disturbances.
     """
     is_settling = best.eligible and not np.isfinite(best.drive) and estimate.model.input_path().is_stable()
     if experiments[0].ny > 1 or not is_settling:
-        return False
+        return Objection.NONE
     parts = _without_trend(tuple(complete_parts(experiments)), best.trend)
-    test = nonlinearity(estimate, parts)
+    test = nonlinearity(estimate, parts, named=False)
+    if test is not None and test.material.any():
+        return Objection.NONLINEAR
     if test is not None and (test.p_values < 1.0 - test.level).any():
-        return True
+        return Objection.DEPENDENT
     if fed_back:
-        return False
-    try:
-        return not resid(estimate, parts).independent.all()
-    except SysidError:  # nothing is left to test
-        return False
+        return Objection.NONE
+    with suppress(SysidError):  # nothing is left to test
+        if not resid(estimate, parts).independent.all():
+            return Objection.DEPENDENT
+    return Objection.NONE
 
 
 def _ranked_by_simulation(
-    experiments: Experiments, search: StructureSearch, best: Candidate, delays: tuple[int, ...]
+    experiments: Experiments,
+    search: StructureSearch,
+    best: Candidate,
+    delays: tuple[int, ...],
+    objection: Objection,
 ) -> SimulationRanking | None:
-    """Candidate that simulates far better than the best one, whose model is stable on all data too; None if none."""
+    """Candidate that simulates better than the best one, whose model is stable on all data too; None if none."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         ranking = better_in_simulation(
-            search, best, delays, lambda records, candidate: _estimate(records, candidate, search)
+            search,
+            best,
+            delays,
+            lambda records, candidate: _estimate(records, candidate, search),
+            is_nonlinear=objection is Objection.NONLINEAR,
         )
         if ranking is None:
             return None
         estimate = _estimate(experiments, ranking.candidate, search)
-    return ranking if estimate.model.input_path().is_stable() else None
+    slowest = np.abs(estimate.model.input_path().poles()).max(initial=0.0)
+    return ranking if slowest < search.slow_radius else None
 
 
 def _interchange_question(experiments: Experiments) -> str:

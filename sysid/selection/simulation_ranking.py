@@ -3,6 +3,9 @@
 One step ahead, smooth and oversampled outputs follow from their own past: a criterion of one-step errors then chooses
 the model of the noise, and the path from the input suffers. On linear systems with a sufficient model the simulated
 errors of good candidates hardly differ, and the criterion decides as before.
+
+Beside a nonlinearity the criterion buys orders that describe it one step ahead, the more the longer the record is. No
+linear model is the right one there; of those that simulate as well the one with the fewest parameters is chosen.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,6 +27,7 @@ FITTED = 0.6  # part of the longest record on which candidates are estimated ane
 FEWEST = 100  # samples of either part
 BETTER = 0.8  # mean square error in simulation, relative to that of the chosen one, that counts as far better
 ALIKE = 1.04  # the same relative to the least, up to which fewer parameters are preferred
+NEARLY = 1.1  # the same beside a nonlinearity, where linear models of other amplitudes differ by far more
 JUDGED = 4  # candidates that are estimated anew
 
 
@@ -45,42 +49,69 @@ def better_in_simulation(
     chosen: Candidate,
     delays: Sequence[int],
     estimated: Callable[[Experiments, Candidate], Estimate],
+    *,
+    is_nonlinear: bool,
 ) -> SimulationRanking | None:
     """Best candidate in simulation, if it is far better than the chosen one; None if not.
+
+    Beside a nonlinearity the one with the fewest parameters that is nearly as good.
 
     Args:
         search: Candidates with one output.
         chosen: Stable candidate with the best criterion.
         delays: Delay of each input at which output-error models are tried too.
         estimated: Estimates a candidate from records.
+        is_nonlinear: Whether the output depends nonlinearly on the input.
     """
     record = max(search.experiments, key=len)
     if not record.complete or len(record) < 2 * FEWEST:
         return None
-    degree = chosen.trend
-    own_error = _error_of_fit(search, chosen, record, degree)
-    better = []
+    own_error = _error_of_fit(search, chosen, record)
+    far_better, smaller = [], []
     for candidate in _pool(search, chosen, delays):
-        error = _error_of_fit(search, candidate, record, degree)
+        error = _error_of_fit(search, candidate, record)
         if error < BETTER * own_error:
-            better.append((error, candidate))
-    if not better:
+            far_better.append((error, candidate))
+        elif error < NEARLY * own_error and candidate.parameters < chosen.parameters:
+            smaller.append((candidate.parameters, candidate))
+    ranking = _judged(far_better, BETTER, chosen, record, estimated)
+    if ranking is None and is_nonlinear:
+        ranking = _judged(smaller, NEARLY, chosen, record, estimated)
+    return ranking
+
+
+def _judged(
+    ordered: Sequence[tuple[float, Candidate]],
+    enough: float,
+    chosen: Candidate,
+    record: IOData,
+    estimated: Callable[[Experiments, Candidate], Estimate],
+) -> SimulationRanking | None:
+    """Smallest of the first candidates that simulate the rest of the record well enough; None if none does.
+
+    Args:
+        ordered: Candidates behind what puts them in order.
+        enough: Mean square error relative to that of the chosen one.
+        chosen: Candidate with the best criterion.
+        record: The record, of which all are estimated on the first part.
+        estimated: Estimates a candidate from records.
+    """
+    candidates = [candidate for _, candidate in sorted(ordered, key=lambda pair: pair[0])[:JUDGED]]
+    if not candidates:
         return None
-    better.sort(key=lambda pair: pair[0])
     end = round(FITTED * len(record))
     begin = max(2 * end - len(record), 0)
     to_fit, to_simulate = record[:end], replace(record[begin:], window=end - begin)
     errors = {}
-    for candidate in (chosen, *(candidate for _, candidate in better[:JUDGED])):
+    for candidate in (chosen, *candidates):
         errors[id(candidate)] = np.inf
         with suppress(SysidError):
             model = estimated((to_fit,), candidate).model.input_path()
-            errors[id(candidate)] = _simulation_error(model, to_simulate, degree)
-    judged = [candidate for _, candidate in better[:JUDGED]]
-    least = min(errors[id(candidate)] for candidate in judged)
-    if not least < BETTER * errors[id(chosen)]:
+            errors[id(candidate)] = _simulation_error(model, to_simulate, chosen.trend)
+    least = min(errors[id(candidate)] for candidate in candidates)
+    if not least < enough * errors[id(chosen)]:
         return None
-    alike = [candidate for candidate in judged if errors[id(candidate)] <= ALIKE * least]
+    alike = [candidate for candidate in candidates if errors[id(candidate)] <= ALIKE * least]
     best = min(alike, key=lambda candidate: candidate.parameters)
     return SimulationRanking(best, float(np.sqrt(errors[id(best)] / errors[id(chosen)])))
 
@@ -98,13 +129,15 @@ def _pool(search: StructureSearch, chosen: Candidate, delays: Sequence[int]) -> 
                 if candidate is not None:
                     pool.append(candidate)
     unique = {id(candidate): candidate for candidate in pool}
-    return [candidate for candidate in unique.values() if candidate is not chosen and candidate.eligible]
+    # a slow mode follows what a linear model lacks as well as it follows a disturbance: that needs the criterion
+    kept = [candidate for candidate in unique.values() if candidate.eligible and not np.isfinite(candidate.drive)]
+    return [candidate for candidate in kept if candidate is not chosen]
 
 
-def _error_of_fit(search: StructureSearch, candidate: Candidate, record: IOData, degree: int) -> float:
+def _error_of_fit(search: StructureSearch, candidate: Candidate, record: IOData) -> float:
     """Mean square error of a candidate in simulation of a record of the search; infinite for unstable ones."""
     model = search.input_path_of(candidate)
-    return np.inf if model is None else _simulation_error(model.input_path(), record, degree)
+    return np.inf if model is None else _simulation_error(model.input_path(), record, candidate.trend)
 
 
 def _simulation_error(model: StateSpace, record: IOData, degree: int) -> float:

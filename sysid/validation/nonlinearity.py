@@ -24,6 +24,8 @@ LAGS = 20  # of the inputs beside the tested terms: what depends linearly on the
 WHITENER = 25  # order of the autoregressive model of the residuals, at most
 LONGEST = 20_000  # samples that are tested: more would find what does not matter
 MATERIAL = 0.005  # nonlinear part of the output, relative to its deviation, from which on bandwidths go wrong
+TRACE = 1e-4  # the same of commands of one amplitude, which show little of what another amplitude would change
+VARIED = 0.1  # part of the cube of a command that is no multiple of it, from which on its amplitude varies
 DEPENDENT = 1e-4  # singular value of the tested terms, relative to the largest, below which coefficients mean nothing
 
 PLAY_WIDTHS = (0.02, 0.05, 0.1, 0.2, 0.4)  # half of the gap, relative to the largest deviation of the output
@@ -44,21 +46,28 @@ class NonlinearityTest(Locked):
         distortion: Nonlinear part of every output, its deviation relative to that of the output (ny,).
         kinds: What each output's residuals look like: "dry friction", "play", "saturation", "dry friction or play", or
             empty where that cannot be told.
+        varies: Whether the input that moves the output most varies in amplitude (ny,). Of commands between two levels
+            a static nonlinearity makes commands between two others, as a gain does: `distortion` then says little about
+            how far gain and bandwidth depend on the amplitude.
         level: Confidence level.
     """
 
     p_values: FloatArray
     distortion: FloatArray
     kinds: tuple[str, ...]
+    varies: tuple[bool, ...]
     level: float
 
     @property
     def material(self) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
         """Whether nonlinearity is significant at the level and large enough to matter, per output (ny,)."""
-        return np.asarray((self.p_values < 1.0 - self.level) & (self.distortion >= MATERIAL))
+        least = np.where(self.varies, MATERIAL, TRACE)
+        return np.asarray((self.p_values < 1.0 - self.level) & (self.distortion >= least))
 
 
-def nonlinearity(estimate: Estimate, data: Sequence[IOData], *, level: float = 0.999) -> NonlinearityTest | None:
+def nonlinearity(
+    estimate: Estimate, data: Sequence[IOData], *, level: float = 0.999, named: bool = True
+) -> NonlinearityTest | None:
     """Test the prediction errors of a stable linear model for nonlinear dependence on the input.
 
     Terms of the simulated output and of the input (hysteresis of dry friction and play, cubes, squares) pass through
@@ -71,6 +80,7 @@ def nonlinearity(estimate: Estimate, data: Sequence[IOData], *, level: float = 0
         estimate: The model.
         data: Records of its fit, about its operating point.
         level: Confidence level; of all terms together.
+        named: Whether to tell kinds, which takes most of the time; empty without.
 
     Returns:
         The test; None for an unstable model.
@@ -81,6 +91,7 @@ def nonlinearity(estimate: Estimate, data: Sequence[IOData], *, level: float = 0
         return None
     records = _tested_parts(data)
     p_values, distortion, kinds = np.full(first.ny, np.nan), np.zeros(first.ny), [""] * first.ny
+    varies = [True] * first.ny
     for i in range(first.ny):
         try:
             terms = [_terms(model, record, i) for record in records]
@@ -92,9 +103,10 @@ def nonlinearity(estimate: Estimate, data: Sequence[IOData], *, level: float = 0
         if outcome is None:
             continue
         p_values[i], distortion[i], explained = outcome
-        if p_values[i] < 1.0 - level and distortion[i] >= MATERIAL:
+        varies[i] = any(_varies(of_record.record.u[:, of_record.main]) for of_record in terms)
+        if named and p_values[i] < 1.0 - level and distortion[i] >= MATERIAL:
             kinds[i] = _kind(model, terms[0], explained)
-    return NonlinearityTest(p_values, distortion, tuple(kinds), level)
+    return NonlinearityTest(p_values, distortion, tuple(kinds), tuple(varies), level)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,6 +142,15 @@ def _tested_parts(data: Sequence[IOData]) -> list[IOData]:
             kept.append(part[:room])
             room -= len(kept[-1])
     return kept
+
+
+def _varies(command: FloatArray) -> bool:
+    """Whether a command (N,) varies in amplitude about its mean: whether its cube is more than a multiple of it."""
+    centred = command - command.mean()
+    cube = centred**3
+    explaining = np.column_stack((np.ones_like(centred), centred))
+    rest = cube - explaining @ np.linalg.lstsq(explaining, cube, rcond=None)[0]
+    return bool(rest.std() > VARIED * cube.std())
 
 
 def _terms(model: StateSpace, record: IOData, i: int) -> _Terms:

@@ -1,13 +1,16 @@
 """Choice by simulation beside the criterion of one-step errors, on systems whose best model is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, arx, oe
+from sysid import IOData, arx, auto, compare, oe
 from sysid.polynomial.orders import Orders
 from sysid.selection.simulation_ranking import better_in_simulation
 from sysid.selection.structure_search import ORDERS, StructureSearch
+from tests.benchmarks.nonlinear_joints import joint
 
 B, F = [0.0, 0.02, 0.015], [1.0, -1.8, 0.835]
 ESTIMATORS = {"arx": arx, "oe": oe}
@@ -34,7 +37,7 @@ def test_a_biased_model_makes_way_for_one_that_simulates_better():
     data = record(np.random.default_rng(0))
     search = StructureSearch((data,), (), 10, ("arx", "oe"))
     biased = search.try_orders(Orders(2, (2,), 0, 0, (0,), (1,)))
-    ranking = better_in_simulation(search, biased, (1,), estimated)
+    ranking = better_in_simulation(search, biased, (1,), estimated, is_nonlinear=False)
     assert ranking.candidate.method == "oe"
     assert ranking.candidate.orders["nf"] == 2
     assert ranking.ratio < 0.8
@@ -47,11 +50,25 @@ def test_a_biased_model_makes_way_for_one_that_simulates_better():
 def test_the_best_of_a_linear_system_stays(seed):
     search = searched(record(np.random.default_rng(seed)), tuple(ORDERS))
     best = search.ranked()[0]
-    assert better_in_simulation(search, best, (1,), estimated) is None
+    assert better_in_simulation(search, best, (1,), estimated, is_nonlinear=False) is None
 
 
 def test_too_short_records_are_not_split():
     data = record(np.random.default_rng(1))[:150]
     search = StructureSearch((data,), (), 10, ("arx", "oe"))
     biased = search.try_orders(Orders(2, (2,), 0, 0, (0,), (1,)))
-    assert better_in_simulation(search, biased, (1,), estimated) is None
+    assert better_in_simulation(search, biased, (1,), estimated, is_nonlinear=False) is None
+
+
+@pytest.mark.parametrize("seed", [2, 18, 35])
+def test_beside_friction_the_smallest_model_that_simulates_as_well_is_chosen(seed):
+    """Criteria of one-step errors choose up to eight poles and zeros for these joints, which have two poles."""
+    _, data = joint(np.random.default_rng([41, seed]), "friction")
+    data = data.detrend()
+    end = 3 * len(data) // 4
+    to_fit, held_out = data[:end], replace(data[end // 2 :], window=end - end // 2)
+    choice = auto(to_fit)
+    assert choice.estimate.model.input_path().order <= 5
+    of_orders = [oe(to_fit, n, n, 1) for n in range(1, 9)]
+    (chosen, *others) = compare([choice.estimate, *of_orders], held_out)
+    assert chosen.simulation[0] >= max(fit.simulation[0] for fit in others) - 0.4
