@@ -19,6 +19,7 @@ from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.offset_test import LONGEST, REFINEMENTS, constant_messages
+from sysid.polynomial.outliers import outlier_messages
 from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
 from sysid.polynomial.prediction_error import coloured_information, levenberg_marquardt
 from sysid.records.arguments import real_number, truth_value, whole_number
@@ -77,6 +78,7 @@ def output_error_estimate(
     messages += _fit_messages(method, fits, realise, theta, np.sqrt(np.diag(covariance)), condition)
     if not any("offset" in message for message in messages):
         messages += itertools.chain.from_iterable(map(_missing_constant, fits))
+    messages += itertools.chain.from_iterable(map(_outliers, fits))
     warn_each(messages, stacklevel=2)
     sampled = Resampled(realise)
     model = sampled(theta)
@@ -115,6 +117,15 @@ def _missing_constant(fit: OutputFit) -> list[str]:
         errors.append(columns[:, -1])
         constants.append(constant)
     return constant_messages(criterion.experiments, at, refined, errors, constants)
+
+
+def _outliers(fit: OutputFit) -> list[str]:
+    """Message on outliers among the errors that count."""
+    criterion, theta = fit.criterion, fit.minimum.at.theta
+    errors = [_all_samples(criterion, experiment, theta)[:, -1] for experiment in criterion.experiments]
+    for experiment, of_record in zip(criterion.experiments, errors, strict=True):
+        of_record[: criterion.first(experiment)] = np.nan
+    return outlier_messages(errors, criterion.experiments)
 
 
 def _common_intersample(experiments: Sequence[IOData]) -> str:

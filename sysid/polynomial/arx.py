@@ -9,6 +9,7 @@ import numpy as np
 
 from sysid.models.estimate import Estimate
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
 from sysid.polynomial.least_squares import LeastSquares, solve, solve_triangle, triangle_of_blocks
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import (
@@ -43,6 +44,7 @@ def arx(
     regularisation: Kernel | None = None,
     offset: bool = False,
     trend: bool = False,
+    error_threshold: float = 0.0,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3], or by regularised ones.
 
@@ -60,13 +62,16 @@ def arx(
             becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
             the rest: their means are no operating point.
         trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
+        error_threshold: Errors beyond this many robust standard deviations count linearly instead of by their squares,
+            as in `oe`. An outlier of a sensor is also a regressor of the next errors, which no weight mends: `oe`, or
+            a missing output, does.
 
     Returns:
         The estimate; parameters a1.., b1...
 
     Raises:
         SysidError: Constant input, several outputs, orders negative or too many for the data, an unknown kernel, or one
-            together with `coloured`.
+            together with `coloured` or `error_threshold`, or these two together.
 
     Warns:
         SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
@@ -74,10 +79,15 @@ def arx(
     coloured, kernel = truth_value("coloured", coloured), checked_kernel("regularisation", regularisation)
     if coloured and kernel is not None:
         raise SysidError("coloured=True needs regularisation=None: a posterior covariance rests on white errors")
+    threshold = checked_error_threshold(error_threshold)
+    if threshold and (coloured or kernel is not None):
+        raise SysidError("error_threshold needs coloured=False and regularisation=None: expected one of the three")
     experiments = as_experiments(data, missing=not coloured, series=True)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk, trend=trend_degree(offset, trend))
     order_values = orders.select("na", "nb", "nk")
-    return regression_estimate("arx", experiments, orders, order_values, coloured=coloured, kernel=kernel)
+    return regression_estimate(
+        "arx", experiments, orders, order_values, coloured=coloured, kernel=kernel, threshold=threshold
+    )
 
 
 def regression_estimate(
@@ -88,6 +98,7 @@ def regression_estimate(
     *,
     coloured: bool = False,
     kernel: Kernel | None = None,
+    threshold: float = 0.0,
 ) -> Estimate:
     """Check the data, solve for A and B by least squares or with a prior, and return the estimate.
 
@@ -127,10 +138,17 @@ def regression_estimate(
         if coloured:
             covariance = sandwich(experiments, orders, theta, covariance, variance)
         diagnostics = fit.diagnostics
+    huber = None
+    if threshold:
+        huber = huber_fit(experiments, orders, theta, threshold)
+        theta, covariance, variance = huber.theta, huber.covariance(0), huber.scale**2
+        messages += huber.messages
+        diagnostics = {**diagnostics, **huber.diagnostics}
     warn_each(messages, stacklevel=3)
     recorded = experiments
     if orders.trend_terms:
-        levelled = Levelled.of(experiments).subtract(trends_of_outputs(experiments, orders, theta))
+        trends = trends_of_outputs(experiments, orders, theta) if huber is None else huber.trends_of_outputs
+        levelled = Levelled.of(experiments).subtract(trends)
         experiments = levelled.experiments
         diagnostics = {**diagnostics, **trend_diagnostics(levelled)}
     return make_estimate(
@@ -144,6 +162,8 @@ def regression_estimate(
         diagnostics=diagnostics,
         messages=messages,
         recorded=recorded,
+        looked_for_offset=huber is not None,
+        looks_for_outliers=True,
     )
 
 

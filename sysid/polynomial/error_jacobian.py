@@ -55,23 +55,34 @@ class ErrorJacobian:
 
 
 def error_jacobian(
-    experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
+    experiment: IOData,
+    orders: Orders,
+    theta: FloatArray,
+    initial_conditions: InitialConditions,
+    roots: FloatArray | None = None,
 ) -> ErrorJacobian:
-    """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,)."""
+    """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,).
+
+    With square `roots` of weights (rows,) every row is multiplied by its own, and initial conditions and trends are
+    those of the weighted least squares; not for backcasting.
+    """
     projects_no_trend = initial_conditions is not InitialConditions.ESTIMATED
     if orders.trend_terms and projects_no_trend:
-        return _jacobian_beside_trend(error_jacobian, experiment, orders, theta, initial_conditions)
+        jacobian = error_jacobian if roots is None else partial(error_jacobian, roots=roots)
+        return _jacobian_beside_trend(jacobian, experiment, orders, theta, initial_conditions)
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
         from_rest = _free_conditions_jacobian(y, u, orders, orders.split(theta), 0, np.zeros((0, 0)))
         columns = from_rest.columns[experiment.window :]
+        if roots is not None:
+            columns *= roots[:, None]
         return ErrorJacobian(columns, len(columns), 0)
     if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
         return _backcast_jacobian(y, u, orders, theta, orders.first_row(experiment.window))
     start = orders.first_error(experiment.window)
     polynomials = orders.split(theta)
     transients = free_transients(orders, polynomials, len(y) - start)
-    return _free_conditions_jacobian(y, u, orders, polynomials, start, transients)
+    return _free_conditions_jacobian(y, u, orders, polynomials, start, transients, roots)
 
 
 def jacobian_of_record(
@@ -126,7 +137,13 @@ def _without_vanished(caused: FloatArray) -> FloatArray:
 
 
 def _free_conditions_jacobian(
-    y: FloatArray, u: FloatArray, orders: Orders, polynomials: SplitPolynomials, start: int, transients: FloatArray
+    y: FloatArray,
+    u: FloatArray,
+    orders: Orders,
+    polynomials: SplitPolynomials,
+    start: int,
+    transients: FloatArray,
+    roots: FloatArray | None = None,
 ) -> ErrorJacobian:
     """Errors and Jacobian from `start` on, with the transients of free initial conditions projected out.
 
@@ -149,6 +166,7 @@ def _free_conditions_jacobian(
 
     corrected = v[start:]
     outputs = [response[start:] for response in responses]
+    weighted_eps = eps if roots is None else roots * eps
     basis = None
     trend = np.zeros(orders.trend_terms)
     free = transients
@@ -157,8 +175,13 @@ def _free_conditions_jacobian(
         free = _beside_trend(transients, terms, (a, c, d), start)
     # a trend may vanish behind a root at one
     if free.shape[1] and free.any():
-        basis, conditions = orthonormal(free, eps)
-        _subtract_projection(basis, eps)
+        if roots is None:
+            basis, conditions = orthonormal(free, eps)
+        else:
+            basis, conditions = orthonormal(free * roots[: len(free), None], weighted_eps)
+            # the filters below take the errors themselves
+            eps[: len(free)] -= free @ conditions
+        _subtract_projection(basis, weighted_eps)
         if orders.trend_terms:
             trend = conditions[transients.shape[1] :]
             conditions = conditions[: transients.shape[1]]
@@ -186,9 +209,11 @@ def _free_conditions_jacobian(
         if nf:
             filtered = scipy.signal.lfilter(d, np.convolve(c, f[j]), outputs[j])
             _write_delayed(columns[:, of_f[j]], filtered, first=1)
+    if roots is not None:
+        columns *= roots[:, None]
     if basis is not None:
         _subtract_projection(basis, columns[:, : orders.count])
-    columns[:, orders.count] = eps
+    columns[:, orders.count] = weighted_eps
     free_conditions = 0 if basis is None else basis.shape[1]
     return ErrorJacobian(columns, len(columns), free_conditions, trend=trend)
 

@@ -23,6 +23,7 @@ def oe(
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
     offset: bool = False,
     trend: bool = False,
+    error_threshold: float = 0.0,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
@@ -48,6 +49,10 @@ def oe(
             becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
             the rest: their means are no operating point.
         trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
+        error_threshold: Errors beyond this many robust standard deviations count linearly instead of by their squares
+            (Huber's loss, MATLAB's ErrorThreshold), as of records with outliers; 1.6 is usual, 0 stands for squares
+            alone. The noise variance is then the squared robust deviation, and the covariance that of [Huber1981, sec.
+            7.6].
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -69,4 +74,5 @@ def oe(
         initial_conditions=initial_conditions,
         offset=offset,
         trend=trend,
+        error_threshold=error_threshold,
     )

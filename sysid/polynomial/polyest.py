@@ -26,6 +26,7 @@ def polyest(
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
     offset: bool = False,
     trend: bool = False,
+    error_threshold: float = 0.0,
 ) -> Estimate:
     """Fit A(q) y = B(q)/F(q) u + C(q)/D(q) e by minimising the prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -51,6 +52,10 @@ def polyest(
             becomes part of `operating_point`, and the covariance allows for it. For records whose beginning is far from
             the rest: their means are no operating point.
         trend: Whether it has an unknown straight line, which includes the constant, likewise: a drift.
+        error_threshold: Errors beyond this many robust standard deviations count linearly instead of by their squares
+            (Huber's loss, MATLAB's ErrorThreshold), as of records with outliers; 1.6 is usual, 0 stands for squares
+            alone. The noise variance is then the squared robust deviation, and the covariance that of [Huber1981, sec.
+            7.6].
 
     Returns:
         The estimate; parameters a1.., b1.., c1.., d1.., f1...
@@ -73,4 +78,5 @@ def polyest(
         initial_conditions=initial_conditions,
         offset=offset,
         trend=trend,
+        error_threshold=error_threshold,
     )

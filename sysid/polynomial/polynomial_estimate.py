@@ -16,10 +16,12 @@ from sysid.models.record_hash import record_hash
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
 from sysid.polynomial.error_jacobian import jacobian_of_record
+from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
 from sysid.polynomial.offset_test import missing_constant, offset_messages
 from sysid.polynomial.orders import Orders, make_orders
+from sysid.polynomial.outliers import outlier_messages
 from sysid.polynomial.prediction_error import (
     InitialEstimate,
     Linearisation,
@@ -72,11 +74,13 @@ def make_estimate(
     at_rest: bool = False,
     recorded: Sequence[IOData] | None = None,
     looked_for_offset: bool = False,
+    looks_for_outliers: bool = False,
 ) -> Estimate:
     """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest.
 
     The `recorded` experiments are those that the model recognises as its own, where trends were subtracted from them.
-    Unless the estimator `looked_for_offset`, the errors of the model show whether it lacks one.
+    Unless the estimator `looked_for_offset`, the errors of the model show whether it lacks one. On request they are
+    searched for outliers.
     """
     summary = DataSummary.of(experiments)
     if recorded is not None:
@@ -100,7 +104,11 @@ def make_estimate(
         # the estimator has already refused or reported an unstable predictor
         warnings.simplefilter("ignore", SysidWarning)
         initial_state = np.zeros(model.order) if at_rest else None
-        errors = np.concatenate([residuals(model, e, x0=initial_state) for e in experiments])
+        errors = [residuals(model, e, x0=initial_state) for e in experiments]
+    if looks_for_outliers:
+        of_outliers = outlier_messages([of_record[:, 0] for of_record in errors], experiments)
+        messages = (*messages, *of_outliers)
+        warn_each(of_outliers, stacklevel=4)
     return Estimate(
         model=model,
         polynomials=orders.polynomials(theta),
@@ -108,7 +116,7 @@ def make_estimate(
         parameter_names=orders.names,
         covariance=covariance,
         noise_variance=np.array([[variance]]),
-        residuals=errors,
+        residuals=np.concatenate(errors),
         method=method,
         orders=order_values,
         diagnostics={**diagnostics, "warnings": tuple(messages)},
@@ -205,6 +213,7 @@ def prediction_error_estimate(
     offset: bool = False,
     trend: bool = False,
     series: bool = False,
+    error_threshold: float = 0.0,
 ) -> Estimate:
     """Check the data, minimise the prediction errors, and return the estimate.
 
@@ -222,6 +231,9 @@ def prediction_error_estimate(
     orders = make_orders(experiments[0].nu, **order_values, trend=trend_degree(offset, trend))
     initial_conditions = InitialConditions.of(initial_conditions)
     max_iterations = whole_number("max_iterations", max_iterations, 1)
+    threshold = checked_error_threshold(error_threshold)
+    if threshold and coloured and not shows_colour:
+        raise SysidError("coloured=True beside a noise model needs error_threshold=0: expected one of the two")
     check_single_output(experiments)
     complete = all(e.complete for e in experiments)
     if not complete and initial_conditions is InitialConditions.BACKCAST:
@@ -252,18 +264,31 @@ def prediction_error_estimate(
     at = result.best.at
     variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
     half, condition = directions(at)
-    covariance = _covariance(experiments, orders, at, half, variance, initial_conditions, coloured=coloured)
+    diagnostics = _diagnostics(result, condition)
     messages += _search_messages(method, orders, result.best, condition)
+    huber = None
+    if threshold:
+        huber = huber_fit(experiments, orders, at.theta, threshold, initial_conditions, max_iterations=max_iterations)
+        at, variance = replace(at, theta=huber.theta), huber.scale**2
+        covariance = huber.covariance(_colour_order(at) if coloured else 0)
+        messages += huber.messages
+        diagnostics |= huber.diagnostics
+    else:
+        covariance = _covariance(experiments, orders, at, half, variance, initial_conditions, coloured=coloured)
     messages += _long_memory(orders, at)
     warn_each(messages, stacklevel=3)
-    diagnostics = _diagnostics(result, condition)
-    is_free = initial_conditions is InitialConditions.ESTIMATED
+    # squares of errors tell the constant: with a threshold, outliers would
+    is_free = initial_conditions is InitialConditions.ESTIMATED and huber is None
     if complete and is_free and levelled is None and not any("offset" in message for message in messages):
         of_offset = missing_constant(experiments, orders, at)
         messages += of_offset
         warn_each(of_offset, stacklevel=3)
     if levelled is not None:
-        levelled = levelled.subtract(trends_of_outputs(experiments, orders, at.theta, initial_conditions))
+        if huber is None:
+            trends = trends_of_outputs(experiments, orders, at.theta, initial_conditions)
+        else:
+            trends = huber.trends_of_outputs
+        levelled = levelled.subtract(trends)
         experiments = levelled.experiments
         diagnostics |= trend_diagnostics(levelled)
     return make_estimate(
@@ -278,7 +303,8 @@ def prediction_error_estimate(
         messages=messages,
         at_rest=rest,
         recorded=recorded,
-        looked_for_offset=complete and is_free,
+        looked_for_offset=(complete and is_free) or huber is not None,
+        looks_for_outliers=True,
     )
 
 
@@ -342,8 +368,13 @@ def _covariance(
     if has_noise_model:
         return sandwich(experiments, orders, at.theta, covariance, variance, initial_conditions)
     columns = output_errors(experiments, orders, at.theta, initial_conditions)
-    middle = coloured_information(columns, min(COLOUR, at.errors // ROWS_PER_COEFFICIENT), half)
+    middle = coloured_information(columns, _colour_order(at), half)
     return variance * (half @ middle @ half.T)
+
+
+def _colour_order(at: Linearisation) -> int:
+    """Highest order of the autoregressive model of coloured errors."""
+    return min(COLOUR, at.errors // ROWS_PER_COEFFICIENT)
 
 
 def _search_messages(method: str, orders: Orders, minimum: Minimum, condition: float) -> list[str]:

@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 
 from sysid.polynomial.correlation import autoregression
-from sysid.polynomial.error_jacobian import error_jacobian, gapped_error_jacobian, jacobian_of_record
+from sysid.polynomial.error_jacobian import ErrorJacobian, error_jacobian, gapped_error_jacobian, jacobian_of_record
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
@@ -294,9 +294,14 @@ def linearise(
 ) -> Linearisation:
     """Criterion and exact first derivatives at parameters theta (p,)."""
     jacobians = [jacobian_of_record(e, orders, theta, initial_conditions) for e in experiments]
+    return linearisation_of(jacobians, theta)
+
+
+def linearisation_of(jacobians: Sequence[ErrorJacobian], theta: FloatArray) -> Linearisation:
+    """Criterion and first derivatives from those of every experiment, at parameters theta (p,)."""
     # stacking copies the largest array of the search
     columns = jacobians[0].columns if len(jacobians) == 1 else np.vstack([jacobian.columns for jacobian in jacobians])
-    p = orders.count
+    p = len(theta)
     error_count = sum(jacobian.errors for jacobian in jacobians)
     inflation = 1.0
     slopes = [jacobian.slope for jacobian in jacobians if jacobian.slope is not None]
