@@ -9,6 +9,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from sysid.frequency.delay_profile import DelayProfile, delay_profile
 from sysid.polynomial.correlation import covariance_function, prewhitened
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import scaled_triangle, triangle_of_blocks
@@ -20,6 +21,9 @@ from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.validation.feedback import feedback_p, interchanged
 
 IntArray = NDArray[np.int_]
+INTERVAL = 0.95  # level of the intervals of delays
+AMBIGUOUS = 3  # samples between the ends of an interval from which on a warning says what would tell
+EXACT = 1e-20  # sum of squared errors of the ARX model, relative to that of the output, that is rounding
 FEEDBACK = 1e-4  # p-value below which feedback is certain enough for a warning
 
 
@@ -28,12 +32,15 @@ class DelayEstimate(Locked):
     """Delays nk in samples: the first lag of u that y depends on.
 
     Attributes:
-        arx: By a scan of high-order ARX models (ny, nu); -1 if no lag up to the largest is significant.
+        arx: By models (ny, nu), see `delayest`; -1 if no lag up to the largest is significant.
         correlation: First significant lag of the correlation with the prewhitened input (ny, nu); -1 if there is none.
         p_values: Of the hypothesis that the ARX model does not need the lags 0..k-1, k = 1..largest + 1
             (largest + 1, ny, nu).
         correlations: Normalised correlations with the prewhitened input at lags 0..largest (largest + 1, ny, nu).
         bound: Significance bound on the correlations (ny, nu), corrected for the number of lags.
+        interval: Least and largest delay that the likelihood allows at 95 % (2, ny, nu), from models of low order at
+            every delay; where these are not fitted, 0 and `arx`, the largest delay that the scan of ARX models does not
+            reject; -1 where no lag is significant.
     """
 
     arx: IntArray
@@ -41,6 +48,7 @@ class DelayEstimate(Locked):
     p_values: FloatArray
     correlations: FloatArray
     bound: FloatArray
+    interval: IntArray
 
 
 def delayest(
@@ -54,8 +62,11 @@ def delayest(
 ) -> DelayEstimate:
     """Estimate the delay of every pair of input and output [Ljung1999, secs. 16.5 and 6.1].
 
-    The ARX method starts from a model with the lags 0..largest + nb - 1 of every input and drops the leading lags of
-    one of them, one after the other, as long as N log(V/V0) stays below the chi-square quantile; it holds for any input
+    With one input, models B(q)/F(q) with 0 to 5 poles are fitted at every delay, beside white or autoregressive noise:
+    the delay is that of least BIC, and `interval` is that of the likelihood. Slow inputs make lag look like delay: a
+    warning says so, with the experiment that would tell. With several inputs, feedback, little data or data without
+    noise there is an ARX model with the lags 0..largest + nb - 1 of every input, and the leading lags of one of them
+    are dropped, one after the other, as long as N log(V/V0) stays below the chi-square quantile; it holds for any input
     of sufficient excitation. The correlation method whitens each input by an autoregressive model, filters the outputs
     alike and takes the first lag outside the bound; it needs no model, but uncorrelated inputs. Means are removed
     first.
@@ -75,8 +86,8 @@ def delayest(
         SysidError: Constant input, orders or level out of range, too little data.
 
     Warns:
-        SysidWarning: Dependent inputs; feedback, beside which the correlation method means nothing, and the ARX method
-            holds only if the feedback has a delay.
+        SysidWarning: A delay that cannot be told from a lag; dependent inputs; feedback, beside which the
+            correlation method means nothing, and the ARX method holds only if the feedback has a delay.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu = experiments[0].nu
@@ -85,13 +96,21 @@ def delayest(
     whitening = whole_number("whitening", whitening, 0, max(map(len, experiments)))
     level = confidence_level(level)
     warn_each(check_excitation(experiments, [0] * nu))
-    p_values = _p_values_by_arx(experiments, na, nb, largest)
+    p_values, exact = _p_values_by_arx(experiments, na, nb, largest)
     rejected = p_values < 1.0 - level
-    for message in _feedback_messages(experiments, largest + nb, level):
+    feedback_messages = _feedback_messages(experiments, largest + nb, level)
+    for message in feedback_messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
     correlations, bound = _correlations(experiments, whitening, largest, level)
+    by_arx = _first_lags(rejected)
+    intervals = np.stack((np.minimum(by_arx, 0), by_arx))
+    if nu == 1 and not feedback_messages:
+        # in a loop the noise reaches the input too, which these models take as independent of it
+        by_arx, intervals, ambiguities = _by_profiles(experiments, largest, by_arx, exact)
+        warn_each(ambiguities)
     return DelayEstimate(
-        arx=_first_lags(rejected),
+        arx=by_arx,
+        interval=intervals,
         correlation=_first_lags(np.abs(correlations) > bound),
         p_values=p_values,
         correlations=correlations,
@@ -99,13 +118,55 @@ def delayest(
     )
 
 
+def _by_profiles(
+    experiments: Sequence[IOData], largest: int, by_arx: IntArray, exact: NDArray[np.bool_]
+) -> tuple[IntArray, IntArray, list[str]]:
+    """Delays (ny, 1), their intervals (2, ny, 1) and warnings, by models of low order where these can be fitted."""
+    delays = by_arx.copy()
+    intervals = np.stack((np.minimum(by_arx, 0), by_arx))
+    messages: list[str] = []
+    for i in range(experiments[0].ny):
+        if exact[i] and by_arx[i, 0] >= 0:
+            # without noise every lag that counts is significant
+            intervals[:, i, 0] = by_arx[i, 0]
+            continue
+        try:
+            profile = delay_profile([e.select(outputs=[i]) for e in experiments], largest)
+        except SysidError:
+            # too little data: the scan stands alone
+            continue
+        delays[i, 0] = profile.delay
+        intervals[:, i, 0] = profile.interval(INTERVAL)
+        messages += _ambiguity(experiments, i, profile)
+    return delays, intervals, messages
+
+
+def _ambiguity(experiments: Sequence[IOData], i: int, profile: DelayProfile) -> list[str]:
+    """Warning of a delay that cannot be told from a lag, with the experiment that would tell; none if it can."""
+    shortest, longest = profile.interval(INTERVAL)
+    if longest - shortest < AMBIGUOUS:
+        return []
+    dt = experiments[0].dt
+    of_output = ""
+    if experiments[0].ny > 1:
+        of_output = f" of output {(experiments[0].output_names or ())[i]}"
+    return [
+        f"the delay{of_output} is between {shortest} and {longest} samples ({shortest * dt:.4g} to {longest * dt:.4g} "
+        f"s): lag and delay cannot be told apart, a shorter delay goes with more lag (the best models have "
+        f"{profile.poles[shortest]} poles at {shortest} and {profile.poles[longest]} at {longest} samples). A faster "
+        f"input would tell: steps, or a random binary signal held for at most {max(longest - shortest, 1)} samples"
+    ]
+
+
 def _first_lags(significant: NDArray[np.bool_]) -> IntArray:
     """First significant lag of each pair (ny, nu), from a mask by lag; -1 if there is none."""
     return np.where(significant.any(axis=0), significant.argmax(axis=0), -1)
 
 
-def _p_values_by_arx(experiments: Sequence[IOData], na: int, nb: int, largest: int) -> FloatArray:
-    """p-values of `DelayEstimate`: leading lags dropped from ARX models (largest + 1, ny, nu)."""
+def _p_values_by_arx(
+    experiments: Sequence[IOData], na: int, nb: int, largest: int
+) -> tuple[FloatArray, NDArray[np.bool_]]:
+    """p-values of `DelayEstimate` by ARX models without leading lags (largest + 1, ny, nu); which are exact (ny,)."""
     nu, ny = experiments[0].nu, experiments[0].ny
     lags, no_delay = (largest + nb,) * nu, (0,) * nu
     starts = [first_row(na, lags, no_delay, e.window) for e in experiments]
@@ -118,6 +179,7 @@ def _p_values_by_arx(experiments: Sequence[IOData], na: int, nb: int, largest: i
             f"and {rows} usable samples in {len(experiments)} experiment(s)"
         )
     p_values = np.empty((largest + 1, ny, nu))
+    exact = np.zeros(ny, dtype=bool)
     for i in range(ny):
         if rows > BLOCK:
             y, u = [e.y[:, i] for e in experiments], [e.u for e in experiments]
@@ -128,10 +190,11 @@ def _p_values_by_arx(experiments: Sequence[IOData], na: int, nb: int, largest: i
                 regressors.append(arx_regressors(e.y[:, i], e.u, na, lags, no_delay, start))
                 targets.append(e.y[start:, i])
             triangle, _ = scaled_triangle(np.column_stack((np.vstack(regressors), np.concatenate(targets))))
+        exact[i] = triangle[-1, -1] ** 2 <= EXACT * np.sum(triangle[:, -1] ** 2)
         for j in range(nu):
             first_column = na + j * (largest + nb)
             p_values[:, i, j] = _leading_lags(triangle, first_column, largest + 1, rows - width)
-    return p_values
+    return p_values, exact
 
 
 def _feedback_messages(experiments: Sequence[IOData], lags: int, level: float) -> list[str]:

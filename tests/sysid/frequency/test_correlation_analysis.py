@@ -132,3 +132,11 @@ def test_refusals_of_delayest():
     refused("too little data: 40 lags", lambda: delayest(data[:45]))
     refused("largest must be", lambda: delayest(data, largest=-1))
     refused("level", lambda: delayest(data, level=1.0))
+
+
+@pytest.mark.parametrize("step_at", [3, 12])
+def test_the_delay_of_a_step_soon_after_the_beginning(step_at):
+    u = (np.arange(300) >= step_at).astype(float)
+    delays = delayest(IOData(u, lfilter(np.r_[np.zeros(11), 0.2], [1, -0.9], u), 1.0))
+    assert delays.arx[0, 0] == 11
+    assert delays.interval[0, 0, 0] <= 11 <= delays.interval[1, 0, 0]
