@@ -1,6 +1,6 @@
 """Profile of the likelihood over the delay of one input, with models of low order: which delays the data allow."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -22,54 +22,44 @@ from sysid.records.errors import SysidError
 
 MOST_POLES = 5  # of the models; more lags look like a delay
 PATIENCE = 2  # orders in a row that are tried beyond the best
-STARTS = 1  # initial estimates of each order
+TRIED = 3  # delays of each order from which the search begins
+FEW_STEPS = 5  # of the search from each of them
 FIRST_STEPS = 30  # of the search at the first delay of an order
 STEPS = 10  # of the search at every other delay, from the answer at its neighbour
-FAR = 50.0  # BIC above the best from which on delays further away are not fitted
+SETTLED = 0.02  # of the criterion, at which a search ends
+FAR = 15.0  # -2 log likelihood above the best from which on delays further away are not fitted
+DEPENDENT = 1e-12  # singular value of regressors, relative to the largest, that rounding makes of zero
 ADDED = 0.5  # pole, of 1/sample, that a smaller model gets on the way to a larger one
 COLOUR = 10  # highest order of the autoregressive model of the disturbance
 LONGEST = 10_000  # samples of all experiments that the models are fitted to
 EARLY = 0.5  # share of the input's movement, by its squared steps, from which on it is lost with the first samples
+PRICE = 2.0  # in -2 log likelihood, of a pole with its coefficient of B
+NOTHING = 0.05  # bound on a response, relative to its peak, that counts as none
+RESPONSE = 200  # samples of a response in which its peak lies
 EXACT = 1e-20  # mean square error, relative to that of the output, that is rounding
 LIMIT = 1.0 - 1e-6  # radius at which roots of starts are kept
 
+Structure = tuple[int, int, int]
+"""Poles, coefficients of B, and delay."""
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True)
 class DelayProfile:
-    """How well models with each delay explain an output.
+    """Delays that models of low order allow.
 
     Attributes:
-        criterion: Least BIC of the models with each delay, above that of the best of all (largest + 1,).
-        deviance: -2 log likelihood with Akaike's penalty for poles, above that of the best model (largest + 1,): a
-            delay is allowed where a model with more poles needs it.
-        poles: Poles of that model (largest + 1,).
-        needed: Whether the input explains anything.
-        exact: Whether the best model leaves but rounding.
+        delay: That of the model of least BIC; -1 if the input explains nothing.
+        interval: Least and largest delay that the likelihood does not reject; -1 if the input explains nothing.
+        poles: Most poles of the models with these two delays that it does not reject.
     """
 
-    criterion: FloatArray
-    deviance: FloatArray
-    poles: np.ndarray
-    needed: bool
-    exact: bool
-
-    @property
-    def delay(self) -> int:
-        """Delay of the best model; -1 if the input explains nothing."""
-        return int(np.argmin(self.criterion)) if self.needed else -1
-
-    def interval(self, level: float) -> tuple[int, int]:
-        """Least and largest delay that the likelihood does not reject at a level."""
-        if not self.needed:
-            return -1, -1
-        allowed = self.deviance <= scipy.stats.chi2.ppf(level, 1)
-        allowed[self.delay] = True
-        (delays,) = np.nonzero(allowed)
-        return int(delays[0]), int(delays[-1])
+    delay: int
+    interval: tuple[int, int]
+    poles: tuple[int, int]
 
 
-def delay_profile(experiments: Sequence[IOData], largest: int) -> DelayProfile:
-    """Profile over the delays 0..largest of one input, from models B(q)/F(q) of low orders fitted at each of them.
+def delay_profile(experiments: Sequence[IOData], largest: int, level: float) -> DelayProfile:
+    """Delay of one input between 0 and a largest one, from models B(q)/F(q) of low orders fitted at each of them.
 
     The disturbance is white, or of an autoregressive model that the errors of a model of any delay select. Of the
     models with one delay the one of least BIC counts [Schwarz1978]: a model without a delay that imitates one by more
@@ -78,6 +68,7 @@ def delay_profile(experiments: Sequence[IOData], largest: int) -> DelayProfile:
     Args:
         experiments: Complete records with one input and one output.
         largest: Largest delay.
+        level: Confidence level of the interval.
 
     Raises:
         SysidError: Too little data.
@@ -89,7 +80,8 @@ def delay_profile(experiments: Sequence[IOData], largest: int) -> DelayProfile:
         search.try_poles(poles)
         if poles - search.best_poles() >= PATIENCE:
             break
-    return search.profile()
+    search.spread()
+    return search.profile(level)
 
 
 def _prepared(experiments: Sequence[IOData], largest: int) -> tuple[IOData, ...]:
@@ -101,7 +93,7 @@ def _prepared(experiments: Sequence[IOData], largest: int) -> tuple[IOData, ...]
     kept = LONGEST // len(experiments) + margin
     records = []
     for experiment in experiments:
-        record = experiment[:kept]
+        record = _liveliest(experiment, kept, margin)
         steps = np.diff(record.u[:, 0]) ** 2
         if np.sum(steps[:margin]) >= EARLY * np.sum(steps):
             u = np.concatenate((np.full((margin, 1), record.u[0]), record.u))
@@ -112,6 +104,17 @@ def _prepared(experiments: Sequence[IOData], largest: int) -> tuple[IOData, ...]
     if not records:
         raise SysidError(f"too little data: {2 * margin} samples at least, to compare delays up to {largest}")
     return tuple(records)
+
+
+def _liveliest(experiment: IOData, length: int, margin: int) -> IOData:
+    """The stretch of so many samples in which the input moves most, with a margin ahead of it where there is one."""
+    if len(experiment) <= length:
+        return experiment
+    movement = np.concatenate(([0.0], np.cumsum(np.diff(experiment.u[:, 0]) ** 2)))
+    last = len(experiment) - length
+    starts = np.append(np.arange(0, last, length // 2), last)
+    start = int(starts[np.argmax(movement[starts + length - 1] - movement[starts])])
+    return experiment[max(start - margin, 0) : start + length]
 
 
 def _whitened(records: tuple[IOData, ...], largest: int) -> tuple[IOData, ...]:
@@ -146,26 +149,14 @@ def _levelled(records: tuple[IOData, ...]) -> tuple[IOData, ...]:
     return level(records, OFFSET).experiments
 
 
-@dataclass(frozen=True, eq=False)
-class DelayScan:
-    """Models with one denominator at every delay.
+def _orders(poles: int, nb: int, nk: int) -> Orders:
+    """Orders of an output-error model with an offset."""
+    return Orders(0, (nb,), 0, 0, (poles,), (nk,), OFFSET)
 
-    Attributes:
-        denominator: F (nf + 1,).
-        costs: Sums of squared errors by delay.
-        numerators: Coefficients of B that fit best by delay.
-    """
 
-    denominator: FloatArray
-    costs: FloatArray
-    numerators: list[FloatArray]
-
-    def start(self, nk: int) -> tuple[Orders, FloatArray]:
-        """Orders and parameters at a delay."""
-        numerator = self.numerators[nk]
-        orders = Orders(0, (len(numerator),), 0, 0, (len(self.denominator) - 1,), (nk,), OFFSET)
-        b = np.concatenate((np.zeros(nk), numerator))
-        return orders, orders.join(np.ones(1), [b], f=[self.denominator])
+def _denominator(theta: FloatArray, poles: int) -> FloatArray:
+    """F of parameters, whose coefficients come last (poles + 1,)."""
+    return np.concatenate(([1.0], theta[len(theta) - poles :]))
 
 
 def _lowest_minima(costs: FloatArray) -> list[int]:
@@ -181,7 +172,7 @@ class ProfileSearch:
     Attributes:
         records: Records with one input and one output, the disturbance white.
         largest: Largest delay.
-        criteria: BIC of the best model by poles and delay.
+        fits: Models by structure, in their sequence.
     """
 
     def __init__(self, records: tuple[IOData, ...], largest: int) -> None:
@@ -189,25 +180,26 @@ class ProfileSearch:
         self.samples = sum(len(e) - e.window for e in records)
         y = [e.y[e.window :, 0] for e in records]
         self.power = float(np.mean(np.concatenate([signal - signal.mean() for signal in y]) ** 2))
-        self.criteria: dict[tuple[int, int], float] = {}
-        self.deviances: dict[int, float] = {}
-        self._reference = np.inf
+        self.fits: dict[Structure, Linearisation] = {}
+        # criterion and structure of the best fit
+        self._lowest: tuple[float, Structure] = (np.inf, (0, 1, 0))
         self._levelled = _levelled(records)
-        self._denominator: dict[int, FloatArray] = {}
 
     def criterion(self, at: Linearisation) -> float:
         """BIC of a fit; offsets and initial states are the same number for all of one order."""
         loss = max(at.cost / at.errors, EXACT * self.power)
         return float(at.errors * np.log(loss) + (len(at.theta) + at.transients) * np.log(at.errors))
 
-    def deviance(self, at: Linearisation, poles: int, nb: int) -> float:
-        """-2 log likelihood with two for each parameter of the poles: BIC would reject a truth that has more of them.
+    def deviance(self, key: Structure) -> float:
+        """-2 log likelihood with a price of poles below that of BIC, which rejects a truth that has more of them.
 
-        A further first coefficient, which any shorter delay has for nothing, pays as in BIC.
+        A further coefficient of B, which any shorter delay has for nothing, pays as in BIC.
         """
+        poles, nb, _ = key
+        at = self.fits[key]
         loss = max(at.cost / at.errors, EXACT * self.power)
         further = nb - max(poles, 1)
-        return float(at.errors * np.log(loss) + 4.0 * poles + further * np.log(at.errors))
+        return float(at.errors * np.log(loss) + PRICE * poles + further * np.log(at.errors))
 
     def without_input(self) -> float:
         """BIC of a constant alone, one for each experiment."""
@@ -216,42 +208,50 @@ class ProfileSearch:
 
     def best_poles(self) -> int:
         """Poles of the best model so far."""
-        poles, _ = min(self.criteria, key=self.criteria.__getitem__)
-        return poles
+        return self._lowest[1][0]
 
     def try_poles(self, poles: int) -> None:
         """Fit models with as many poles, B with as many coefficients or one more, near the delays that suit them."""
-        fits: dict[tuple[int, int], Linearisation] = {}
-        for f in self._denominators(poles):
-            scan = self._scan(f, max(poles, 1))
-            for nk in _lowest_minima(scan.costs):
-                self._improve(fits, scan.start(nk), FIRST_STEPS)
-        if not fits:
-            return
-        nb, best = min(fits, key=lambda key: fits[key].cost)
-        if poles:
+        self._search(self._denominators(poles), poles, max(poles, 1))
+        searched = [at for (count, _, _), at in self.fits.items() if count == poles]
+        if poles and searched:
             # a delay that is no whole number of samples has one coefficient more
-            *_, (f,) = self._orders(poles, nb, best).split(fits[nb, best].theta)
-            scan = self._scan(f, nb + 1)
-            for nk in _lowest_minima(scan.costs):
-                self._improve(fits, scan.start(nk), FIRST_STEPS)
-        self._spread(fits)
+            best = min(searched, key=lambda at: at.cost)
+            self._search([_denominator(best.theta, poles)], poles, poles + 1)
 
-    def _spread(self, fits: dict[tuple[int, int], Linearisation]) -> None:
-        """Fit the neighbours of the best delay, from its denominator, as far as the likelihood may allow them."""
-        for nb in {key[0] for key in fits}:
-            best = min((key for key in fits if key[0] == nb), key=lambda key: fits[key].cost)
+    def _search(self, denominators: Iterable[FloatArray], poles: int, nb: int) -> None:
+        """Search from the delays that suit some denominators best, a few steps from each, then to the minimum."""
+        starts: dict[int, tuple[float, FloatArray]] = {}
+        for f in denominators:
+            costs, numerators = self._scan(f, nb)
+            for nk in _lowest_minima(costs):
+                if nk not in starts or costs[nk] < starts[nk][0]:
+                    starts[nk] = costs[nk], np.concatenate((numerators[nk], f[1:]))
+        best_first = sorted(starts, key=lambda nk: starts[nk][0])[:TRIED]
+        for nk in best_first:
+            self._improve((poles, nb, nk), starts[nk][1], FEW_STEPS)
+        if best_first:
+            key = min(((poles, nb, nk) for nk in best_first), key=lambda key: self.fits[key].cost)
+            self._improve(key, self.fits[key].theta, FIRST_STEPS)
+
+    def spread(self) -> None:
+        """Fit the neighbours of the best delay of every structure, as far as the likelihood may allow them."""
+        best_of_structure: dict[tuple[int, int], int] = {}
+        for (poles, nb, nk), at in self.fits.items():
+            best = best_of_structure.get((poles, nb))
+            if best is None or at.cost < self.fits[poles, nb, best].cost:
+                best_of_structure[poles, nb] = nk
+        for (poles, nb), best in best_of_structure.items():
             for step in (1, -1):
-                key = best
-                while True:
-                    *_, (f,) = self._orders(len(fits[key].theta) - nb, *key).split(fits[key].theta)
-                    nk = key[1] + step
-                    if not 0 <= nk <= self.largest:
-                        break
-                    self._improve(fits, self._scan(f, nb).start(nk), STEPS)
-                    key = nb, nk
-                    if self.criterion(fits[key]) > min(self.criteria.values()) + FAR:
-                        break
+                nk = best
+                while self._is_near((poles, nb, nk)) and 0 <= nk + step <= self.largest:
+                    f = _denominator(self.fits[poles, nb, nk].theta, poles)
+                    nk += step
+                    self._improve((poles, nb, nk), self._with_denominator(f, nb, nk), STEPS)
+
+    def _is_near(self, key: Structure) -> bool:
+        """Whether the likelihood of a fit is not so low that its neighbours need not be looked at."""
+        return self.deviance(key) <= self.deviance(self._lowest[1]) + FAR
 
     def _denominators(self, poles: int) -> Iterator[FloatArray]:
         """Denominators of models with as many poles, from some delays and from the best smaller model."""
@@ -259,74 +259,98 @@ class ProfileSearch:
             yield np.ones(1)
             return
         for nk in self._first_delays():
-            orders = self._orders(poles, poles, nk)
+            orders = _orders(poles, poles, nk)
             with suppress(SysidError):
                 check_room_to_start(self._levelled, orders)
-                for estimate in islice(oe_initial_estimates(self._levelled, orders), STARTS):
+                for estimate in islice(oe_initial_estimates(self._levelled, orders), 1):
                     *_, (f,) = orders.split(estimate.theta)
                     if np.isfinite(f).all():
                         yield stabilised(f, LIMIT)
-        if poles - 1 in self._denominator:
+        smaller = [key for key in self.fits if key[0] == poles - 1]
+        if smaller:
+            best = min(smaller, key=lambda key: self.criterion(self.fits[key]))
             # a pole in the middle of the band, which changes little
-            yield np.convolve(self._denominator[poles - 1], [1.0, -ADDED])
+            yield np.convolve(_denominator(self.fits[best].theta, poles - 1), [1.0, -ADDED])
 
     def _first_delays(self) -> list[int]:
         """Delays at which an order begins: the shortest, the middle, and the best of the orders before."""
         delays = {0, self.largest // 2}
-        if self.criteria:
-            delays.add(min(self.criteria, key=self.criteria.__getitem__)[1])
+        if self.fits:
+            delays.add(self._lowest[1][2])
         return sorted(delays)
 
-    def _orders(self, poles: int, nb: int, nk: int) -> Orders:
-        return Orders(0, (nb,), 0, 0, (poles,), (nk,), OFFSET)
-
-    def _scan(self, f: FloatArray, nb: int) -> "DelayScan":
-        """Costs at every delay with a fixed denominator: the errors are linear in B, and one table holds all lags."""
-        poles = len(f) - 1
-        all_lags = self._orders(poles, nb + self.largest, 0)
-        at = linearise(self.records, all_lags, all_lags.join(np.ones(1), [np.zeros(nb + self.largest)], f=[f]))
-        columns = at.triangle[:, : nb + self.largest]
+    def _scan(self, f: FloatArray, nb: int) -> tuple[FloatArray, list[FloatArray]]:
+        """Costs by delay with a fixed denominator, and the B that fit best: one table of regressors has all lags."""
+        count = nb + self.largest
+        at = self._linear(f, count, 0)
         unexplained = at.cost - float(at.target @ at.target)
         costs, numerators = [], []
         for nk in range(self.largest + 1):
             lags = slice(nk, nk + nb)
-            b, *_ = np.linalg.lstsq(columns[:, lags], -at.target, rcond=1e-12)
-            costs.append(unexplained + float(np.sum((at.target + columns[:, lags] @ b) ** 2)))
+            columns = at.triangle[:, lags]
+            b, *_ = np.linalg.lstsq(columns, -at.target, rcond=DEPENDENT)
+            costs.append(unexplained + float(np.sum((at.target + columns @ b) ** 2)))
             numerators.append(b / at.scale[lags])
-        return DelayScan(f, np.array(costs), numerators)
+        return np.array(costs), numerators
 
-    def _improve(
-        self, fits: dict[tuple[int, int], Linearisation], start: tuple[Orders, FloatArray], steps: int
-    ) -> None:
+    def _with_denominator(self, f: FloatArray, nb: int, nk: int) -> FloatArray:
+        """Parameters with a fixed denominator at one delay, the B that fits best."""
+        at = self._linear(f, nb, nk)
+        b, *_ = np.linalg.lstsq(at.triangle[:, :nb], -at.target, rcond=DEPENDENT)
+        return np.concatenate((b / at.scale[:nb], f[1:]))
+
+    def _linear(self, f: FloatArray, nb: int, nk: int) -> Linearisation:
+        """The errors as a function of B alone, at B = 0."""
+        return linearise(self.records, _orders(len(f) - 1, nb, nk), np.concatenate((np.zeros(nb), f[1:])))
+
+    def _improve(self, key: Structure, theta: FloatArray, steps: int) -> None:
         """Search from a start, and keep what is lower than the fit of the same structure."""
-        orders, theta = start
-        (nb,), (nk,), (poles,) = orders.nb, orders.nk, orders.nf
-        at = minimise(self.records, orders, theta, max_iterations=steps).at
-        if (nb, nk) in fits and fits[nb, nk].cost <= at.cost:
+        at = minimise(self.records, _orders(*key), theta, max_iterations=steps, tolerance=SETTLED / self.samples).at
+        if key in self.fits and self.fits[key].cost <= at.cost:
             return
-        fits[nb, nk] = at
-        criterion = self.criterion(at)
-        if criterion < min((value for (n, _), value in self.criteria.items() if n == poles), default=np.inf):
-            *_, (self._denominator[poles],) = orders.split(at.theta)
-        self.criteria[poles, nk] = min(self.criteria.get((poles, nk), np.inf), criterion)
-        deviance = self.deviance(at, poles, nb)
-        self.deviances[nk] = min(self.deviances.get(nk, np.inf), deviance)
-        if criterion <= min(self.criteria.values()):
-            self._reference = deviance
+        self.fits[key] = at
+        self._lowest = min(self._lowest, (self.criterion(at), key))
 
-    def profile(self) -> DelayProfile:
-        """The best models by delay."""
-        criterion = np.full(self.largest + 1, np.inf)
-        poles = np.zeros(self.largest + 1, dtype=int)
-        for (order, nk), value in self.criteria.items():
-            if value < criterion[nk]:
-                criterion[nk], poles[nk] = value, order
-        deviance = np.full(self.largest + 1, np.inf)
-        for nk, value in self.deviances.items():
-            deviance[nk] = value
-        best = float(criterion.min())
-        rounding = self.samples * np.log(EXACT * self.power)
-        exact = best <= rounding + 4 * MOST_POLES * np.log(self.samples)
-        return DelayProfile(
-            criterion - best, deviance - self._reference, poles, best < self.without_input(), bool(exact)
-        )
+    def profile(self, level: float) -> DelayProfile:
+        """The best delay, and those that the likelihood does not reject at a level."""
+        criterion, best = self._lowest
+        if criterion >= self.without_input():
+            return DelayProfile(-1, (-1, -1), (0, 0))
+        delay = best[2]
+        poles_by_delay = {delay: best[0]}
+        limit = self.deviance(best) + float(scipy.stats.chi2.ppf(level, 1))
+        for key in self.fits:
+            poles, _, nk = key
+            if self.deviance(key) <= limit and not self._begins_with_nothing(key, delay):
+                poles_by_delay[nk] = max(poles, poles_by_delay.get(nk, 0))
+        shortest, longest = min(poles_by_delay), max(poles_by_delay)
+        return DelayProfile(delay, (shortest, longest), (poles_by_delay[shortest], poles_by_delay[longest]))
+
+    def _begins_with_nothing(self, key: Structure, delay: int) -> bool:
+        """Whether a model with a shorter delay than the best shows that no response comes before that one.
+
+        It holds the best model then, as any with further coefficients does, and is no rival of it.
+        """
+        poles, nb, nk = key
+        ahead = delay - nk
+        if ahead <= 0:
+            return False
+        at = self.fits[key]
+        impulse = np.zeros(ahead + RESPONSE)
+        impulse[0] = 1.0
+        f = _denominator(at.theta, poles)
+        response = scipy.signal.lfilter(at.theta[:nb], f, impulse)
+        by_b = scipy.signal.lfilter([1.0], f, impulse)[:ahead]
+        by_f = -scipy.signal.lfilter([1.0], f, response)[:ahead]
+        # h changes by the impulse response of 1/F per coefficient of B, by that of -B/F^2 per coefficient of F
+        slopes = [_delayed(by_b, lag) for lag in range(nb)]
+        slopes += [_delayed(by_f, lag) for lag in range(1, poles + 1)]
+        half = np.linalg.pinv(at.triangle) / at.scale[:, None] * np.sqrt(at.cost / at.errors)
+        deviations = np.linalg.norm(np.stack(slopes, axis=1) @ half, axis=1)
+        bound = np.abs(response[:ahead]) + 2.0 * deviations
+        return bool(np.all(bound <= NOTHING * np.abs(response).max()))
+
+
+def _delayed(signal: FloatArray, lag: int) -> FloatArray:
+    """A signal of the same length that begins later."""
+    return np.concatenate((np.zeros(min(lag, len(signal))), signal[: max(len(signal) - lag, 0)]))

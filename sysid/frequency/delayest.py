@@ -131,19 +131,19 @@ def _by_profiles(
             intervals[:, i, 0] = by_arx[i, 0]
             continue
         try:
-            profile = delay_profile([e.select(outputs=[i]) for e in experiments], largest)
+            profile = delay_profile([e.select(outputs=[i]) for e in experiments], largest, INTERVAL)
         except SysidError:
             # too little data: the scan stands alone
             continue
         delays[i, 0] = profile.delay
-        intervals[:, i, 0] = profile.interval(INTERVAL)
+        intervals[:, i, 0] = profile.interval
         messages += _ambiguity(experiments, i, profile)
     return delays, intervals, messages
 
 
 def _ambiguity(experiments: Sequence[IOData], i: int, profile: DelayProfile) -> list[str]:
     """Warning of a delay that cannot be told from a lag, with the experiment that would tell; none if it can."""
-    shortest, longest = profile.interval(INTERVAL)
+    (shortest, longest), (most, fewest) = profile.interval, profile.poles
     if longest - shortest < AMBIGUOUS:
         return []
     dt = experiments[0].dt
@@ -152,8 +152,8 @@ def _ambiguity(experiments: Sequence[IOData], i: int, profile: DelayProfile) -> 
         of_output = f" of output {(experiments[0].output_names or ())[i]}"
     return [
         f"the delay{of_output} is between {shortest} and {longest} samples ({shortest * dt:.4g} to {longest * dt:.4g} "
-        f"s): lag and delay cannot be told apart, a shorter delay goes with more lag (the best models have "
-        f"{profile.poles[shortest]} poles at {shortest} and {profile.poles[longest]} at {longest} samples). A faster "
+        f"s): lag and delay cannot be told apart, a shorter delay goes with more lag (models with up "
+        f"to {most} poles fit at {shortest}, up to {fewest} at {longest} samples). A faster "
         f"input would tell: steps, or a random binary signal held for at most {max(longest - shortest, 1)} samples"
     ]
 

@@ -96,6 +96,7 @@ def minimise(
     max_iterations: int = 100,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
     good_enough: float = 0.0,
+    tolerance: float = CONVERGED,
 ) -> Minimum:
     """Levenberg-Marquardt with exact gradients; C, D and every F stay stable at every accepted step [More1978]."""
     energy = sum(map(_output_energy, experiments))
@@ -114,6 +115,7 @@ def minimise(
         outward=partial(outward, orders, samples=longest),
         max_iterations=max_iterations,
         good_enough=good_enough,
+        tolerance=tolerance,
     )
 
 
@@ -131,6 +133,7 @@ def levenberg_marquardt(
     outward: Callable[[FloatArray], tuple[FloatArray, FloatArray]] | None = None,
     max_iterations: int = 100,
     good_enough: float = 0.0,
+    tolerance: float = CONVERGED,
 ) -> Minimum:
     """Minimise a criterion from one linearisation of it [More1978].
 
@@ -141,6 +144,7 @@ def levenberg_marquardt(
         outward: Directions at parameters that lead to a limit (k, p), and the largest product of a step with each (k,).
         max_iterations: Limit on the accepted steps.
         good_enough: Cost at which to stop early.
+        tolerance: Remaining decrease, relative to the cost, at which the minimum counts as reached.
     """
     damping, iterations, evaluations = FIRST_DAMPING, 0, 1
     while True:
@@ -148,7 +152,7 @@ def levenberg_marquardt(
             return Minimum(at, iterations, evaluations, True, "errors at rounding level")
         model = LinearModel.at(at, outward)
         step, decrease = model.step(0.0)
-        if decrease <= CONVERGED * at.cost:
+        if decrease <= tolerance * at.cost:
             where = " at the edge of stability" if model.reaches_limit(step) else ""
             return Minimum(at, iterations, evaluations, True, f"no decrease left{where}")
         if at.cost <= good_enough:
