@@ -309,7 +309,8 @@ class ProfileSearch:
         if key in self.fits and self.fits[key].cost <= at.cost:
             return
         self.fits[key] = at
-        self._lowest = min(self._lowest, (self.criterion(at), key))
+        # without noise models with a leading zero are as good: the longest delay counts
+        self._lowest = min(self._lowest, (self.criterion(at), key), key=lambda fit: (fit[0], -fit[1][2]))
 
     def profile(self, level: float) -> DelayProfile:
         """The best delay, and those that the likelihood does not reject at a level."""
