@@ -350,6 +350,14 @@ def _about_continued_points(
     return tuple(about)
 
 
+FROM_REST = (
+    ". If the record begins where the input was switched on, and the system was at rest before, the switching is the "
+    "step of a step test: put a row of rest in front (input and output at their values before), or fit "
+    "sysid.procest(data, 'P1D', initial_conditions='zero') with input and output as differences from rest"
+)
+"""Advice on an input that is constant from the first sample."""
+
+
 def usable(records: Sequence[IOData], skip: float, path: Path, test: str | None = None) -> tuple[IOData, ...]:
     """Leave out the start, and records of which too little is known.
 
@@ -393,6 +401,8 @@ def _check_channels_move(records: Sequence[IOData], path: Path, test: str | None
                 continue
             axes = excited(path, test)
             hint = f"; {path.name} excites {', '.join(axes)}, expected a log of the same joint" if axes else ""
+            if side == "input" and np.nanmin(column) != 0.0:
+                hint += FROM_REST
             raise ScenarioError(
                 f"{path.name}: the {side} {name!r} is constant at {np.nanmin(column):g}; expected one "
                 f"that moves in {len(values)} samples{hint}"

@@ -75,13 +75,13 @@ def delay_profile(experiments: Sequence[IOData], largest: int, level: float) -> 
     """
     records = _prepared(experiments, largest)
     records = _whitened(records, largest)
-    search = ProfileSearch(records, largest)
+    search = ProfileSearch(records, largest, level)
     for poles in range(MOST_POLES + 1):
         search.try_poles(poles)
         if poles - search.best_poles() >= PATIENCE:
             break
     search.spread()
-    return search.profile(level)
+    return search.profile()
 
 
 def _prepared(experiments: Sequence[IOData], largest: int) -> tuple[IOData, ...]:
@@ -125,7 +125,7 @@ def _whitened(records: tuple[IOData, ...], largest: int) -> tuple[IOData, ...]:
         # so few samples show no colour beside so many parameters
         return records
     start = next(oe_initial_estimates(_levelled(records), orders))
-    minimum = minimise(records, orders, start.theta, max_iterations=STEPS)
+    minimum = minimise(records, orders, start.theta, max_iterations=STEPS, tolerance=1.0 / counted)
     errors = []
     for e in records:
         errors.append(error_jacobian(e, orders, minimum.at.theta, InitialConditions.ESTIMATED).columns[:, -1])
@@ -175,11 +175,13 @@ class ProfileSearch:
         fits: Models by structure, in their sequence.
     """
 
-    def __init__(self, records: tuple[IOData, ...], largest: int) -> None:
+    def __init__(self, records: tuple[IOData, ...], largest: int, level: float) -> None:
         self.records, self.largest = records, largest
         self.samples = sum(len(e) - e.window for e in records)
         y = [e.y[e.window :, 0] for e in records]
         self.power = float(np.mean(np.concatenate([signal - signal.mean() for signal in y]) ** 2))
+        # of -2 log likelihood, above the best
+        self._rejection = float(scipy.stats.chi2.ppf(level, 1))
         self.fits: dict[Structure, Linearisation] = {}
         # criterion and structure of the best fit
         self._lowest: tuple[float, Structure] = (np.inf, (0, 1, 0))
@@ -236,18 +238,28 @@ class ProfileSearch:
 
     def spread(self) -> None:
         """Fit the neighbours of the best delay of every structure, as far as the likelihood may allow them."""
-        best_of_structure: dict[tuple[int, int], int] = {}
-        for (poles, nb, nk), at in self.fits.items():
-            best = best_of_structure.get((poles, nb))
-            if best is None or at.cost < self.fits[poles, nb, best].cost:
-                best_of_structure[poles, nb] = nk
-        for (poles, nb), best in best_of_structure.items():
+        best_of_structure: dict[tuple[int, int], Structure] = {}
+        for key in self.fits:
+            best = best_of_structure.get(key[:2])
+            if best is None or self.fits[key].cost < self.fits[best].cost:
+                best_of_structure[key[:2]] = key
+        for best in sorted(best_of_structure.values(), key=lambda key: self.criterion(self.fits[key])):
             for step in (1, -1):
-                nk = best
-                while self._is_near((poles, nb, nk)) and 0 <= nk + step <= self.largest:
-                    f = _denominator(self.fits[poles, nb, nk].theta, poles)
-                    nk += step
-                    self._improve((poles, nb, nk), self._with_denominator(f, nb, nk), STEPS)
+                self._walk(best, step)
+
+    def _walk(self, best: Structure, step: int) -> None:
+        """Fit neighbour after neighbour in one direction, each from the denominator of the one before."""
+        poles, nb, nk = best
+        end = self.largest if step > 0 else 0
+        while nk != end and self._is_near((poles, nb, nk)) and not self._is_allowed(end):
+            f = _denominator(self.fits[poles, nb, nk].theta, poles)
+            nk += step
+            self._improve((poles, nb, nk), self._with_denominator(f, nb, nk), STEPS)
+
+    def _is_allowed(self, nk: int) -> bool:
+        """Whether some model with a delay is in the interval already, beyond which nothing is left to try."""
+        limit = self.deviance(self._lowest[1]) + self._rejection
+        return any(key[2] == nk and self.deviance(key) <= limit for key in self.fits)
 
     def _is_near(self, key: Structure) -> bool:
         """Whether the likelihood of a fit is not so low that its neighbours need not be looked at."""
@@ -312,14 +324,14 @@ class ProfileSearch:
         # without noise models with a leading zero are as good: the longest delay counts
         self._lowest = min(self._lowest, (self.criterion(at), key), key=lambda fit: (fit[0], -fit[1][2]))
 
-    def profile(self, level: float) -> DelayProfile:
-        """The best delay, and those that the likelihood does not reject at a level."""
+    def profile(self) -> DelayProfile:
+        """The best delay, and those that the likelihood does not reject."""
         criterion, best = self._lowest
         if criterion >= self.without_input():
             return DelayProfile(-1, (-1, -1), (0, 0))
         delay = best[2]
         poles_by_delay = {delay: best[0]}
-        limit = self.deviance(best) + float(scipy.stats.chi2.ppf(level, 1))
+        limit = self.deviance(best) + self._rejection
         for key in self.fits:
             poles, _, nk = key
             if self.deviance(key) <= limit and not self._begins_with_nothing(key, delay):

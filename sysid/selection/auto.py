@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from sysid.frequency.delayest import IntArray, delayest
+from sysid.frequency.delayest import AMBIGUOUS, DelayEstimate, IntArray, delayest
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
@@ -111,12 +111,12 @@ def auto(
     """Choose delay, structure and orders, and estimate the model.
 
     With one output the delays start at those of `delayest`; arx, oe, armax and bj rise in order until the criterion of
-    each gets worse twice; then single orders of the best ones, the delays among them, change by one as long as that
-    helps. With several outputs it is the order of a state-space model, `n4sid` refined by `pem_ss`, with the delays of
-    `delayest` as known ones and without them. Beside feedback
-    (`sysid.feedback`) there is no direct term, which would be that of the controller, and oe does not take part, which
-    only a white disturbance would leave unbiased. A held input has no direct term either: one is tried only on data
-    without noise, or if asked for.
+    each gets worse twice, and again from the shortest delay that the likelihood allows; then single orders of the best
+    ones, the delays among them, change by one as long as that helps. With several outputs it is the order of a state-
+    space model, `n4sid` refined by `pem_ss`, with the delays of `delayest` as known ones and without them. Beside
+    feedback (`sysid.feedback`) there is no direct term, which would be that of the controller, and oe does not take
+    part, which only a white disturbance would leave unbiased. A held input has no direct term either: one is tried only
+    on data without noise, or if asked for.
 
     The criterion is the extended BIC [ChenChen2008] on the same samples for all, which counts the initial states, or
     the error of the simulated validation outputs where there are such data. Modes with a time constant above a third
@@ -162,6 +162,7 @@ def auto(
     search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names, trends)
     without_trend = _without_trend(experiments, trends[0])
     delays, p = tuple[int, ...](), _feedback_p(without_trend)
+    open_delay = ""
     fed_back = p < LEVEL
     # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
     seen_at_once = p >= LEVEL and not direct and _feedback_p(without_trend, direct=False) < LEVEL
@@ -171,9 +172,12 @@ def auto(
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
         if experiments[0].ny == 1:
-            delays = _delays(_without_trend(search.experiments, trends[0]), largest)
+            estimate_of_delays = _estimated_delays(_without_trend(search.experiments, trends[0]), largest)
+            delays = _delays(estimate_of_delays, experiments[0].nu)
             if fed_back or at_once:
                 delays = tuple(max(delay, 1) for delay in delays)
+            shortest = _shortest(estimate_of_delays, delays)
+            open_delay = _open_delay(estimate_of_delays)
             if (fed_back or at_once) and methods is None:
                 search.methods = tuple(name for name in names if name != "oe")
             if fed_back and methods is None:
@@ -181,7 +185,7 @@ def auto(
             paths_alone = set(search.methods) == {"oe"} and not search.validation
             if paths_alone:
                 search.methods = ("oe", "bj")
-            search.climb_structures(delays)
+            search.climb_structures(delays, shortest)
             if sum(map(len, search.experiments)) < sum(map(len, experiments)):
                 whole = StructureSearch(experiments, validation_data, largest, search.methods, trends)
                 whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
@@ -192,7 +196,8 @@ def auto(
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
         else:
             search.direct = not (fed_back or at_once)
-            delays = _delays(search.experiments, largest)
+            estimate_of_delays = _estimated_delays(search.experiments, largest)
+            delays = _delays(estimate_of_delays, experiments[0].nu)
             # with one sample left to the dynamics, as a held input has it
             search.climb_states(tuple(max(delay - 1, 0) for delay in delays))
     ranked, estimate = _ranked_with_estimate(experiments, search)
@@ -227,7 +232,9 @@ def auto(
         cautions.append(EXACTLY)
     if not best.eligible:
         cautions.append(best.remark)
-    if unlike := _unlike_delays(search.experiments, largest, int(np.max(best.orders.get("order", 0)))):
+    if open_delay:
+        cautions.append(open_delay)
+    if unlike := _unlike_delays(estimate_of_delays, int(np.max(best.orders.get("order", 0)))):
         cautions.append(unlike)
     reason = "; ".join((reason, *cautions))
     return StructureChoice(
@@ -388,29 +395,57 @@ def _without_trend(experiments: Experiments, degree: int) -> Experiments:
     return level(experiments, degree).experiments
 
 
-def _delays(experiments: Experiments, largest: int) -> tuple[int, ...]:
+def _estimated_delays(experiments: Experiments, largest: int) -> DelayEstimate | None:
+    """Delays from every input to every output; None where the data are too few."""
+    try:
+        return delayest(complete_parts(experiments), largest=2 * largest)
+    except SysidError:
+        return None
+
+
+def _delays(estimate: DelayEstimate | None, inputs: int) -> tuple[int, ...]:
     """Delay of each input to the first output that it acts on; 1 where no lag is significant."""
     delays = []
-    for lags in _significant_lags(experiments, largest):
+    for lags in _significant_lags(estimate, inputs):
         delays.append(int(lags.min()) if len(lags) else 1)
     return tuple(delays)
 
 
-def _significant_lags(experiments: Experiments, largest: int) -> list[IntArray]:
-    """Delays of each input to the outputs that it acts on (at most ny,); empty where none is significant."""
-    try:
-        delays = delayest(complete_parts(experiments), largest=2 * largest).arx
-    except SysidError:
-        return [np.zeros(0, dtype=int)] * experiments[0].nu
-    # -1 stands for no significant lag
-    return [of_input[of_input >= 0] for of_input in delays.T]
+def _shortest(estimate: DelayEstimate | None, delays: tuple[int, ...]) -> tuple[int, ...]:
+    """Shortest delay of each input that the likelihood allows; none is 0 unless it is the best one."""
+    shortest = []
+    for j, delay in enumerate(delays):
+        least = 0 if estimate is None else int(estimate.interval[0, 0, j])
+        shortest.append(min(max(least, 1), delay))
+    return tuple(shortest)
 
 
-def _unlike_delays(experiments: Experiments, largest: int, order: int) -> str:
-    """Caution on delays of an input to several outputs that differ by more samples than the model has states."""
-    if experiments[0].ny == 1:
+def _open_delay(estimate: DelayEstimate | None) -> str:
+    """Caution on a delay that a lag may stand for; empty where the data tell it."""
+    if estimate is None or estimate.interval.shape[2] > 1:
         return ""
-    lags = _significant_lags(experiments, largest)
+    least, most = estimate.interval[:, 0, 0].tolist()
+    if most - least < AMBIGUOUS:
+        return ""
+    return (
+        f"the delay is between {least} and {most} samples: lag and delay cannot be told apart; steps or a random "
+        "binary signal would tell"
+    )
+
+
+def _significant_lags(estimate: DelayEstimate | None, inputs: int) -> list[IntArray]:
+    """Delays of each input to the outputs that it acts on (at most ny,); empty where none is significant."""
+    if estimate is None:
+        return [np.zeros(0, dtype=int)] * inputs
+    # -1 stands for no significant lag
+    return [of_input[of_input >= 0] for of_input in estimate.arx.T]
+
+
+def _unlike_delays(estimate: DelayEstimate | None, order: int) -> str:
+    """Caution on delays of an input to several outputs that differ by more samples than the model has states."""
+    if estimate is None or len(estimate.arx) == 1:
+        return ""
+    lags = _significant_lags(estimate, estimate.arx.shape[1])
     differences = sum(int(np.ptp(of_input)) for of_input in lags if len(of_input))
     if differences <= order:
         return ""

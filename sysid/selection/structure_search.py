@@ -217,10 +217,11 @@ class StructureSearch:
         for experiment, skipped in zip(experiments, self._skipped, strict=True):
             self.samples += int(np.count_nonzero(experiment.known[skipped:].all(axis=1)))
 
-    def climb_structures(self, delays: tuple[int, ...]) -> None:
-        """Try rising orders of every structure, then change single orders of the best ones."""
-        # a slow beginning of the response looks like a delay: those that fit well climb from the shortest one too
-        shortest = tuple(min(delay, 1) for delay in delays)
+    def climb_structures(self, delays: tuple[int, ...], shortest: tuple[int, ...]) -> None:
+        """Try rising orders of every structure from two sets of delays, then change single orders of the best ones.
+
+        A slow beginning of the response looks like a delay: those that fit well climb from the shortest one too.
+        """
         for nk in dict.fromkeys((delays, shortest)):
             limit = min(map(self.criterion, self.candidates), default=np.inf) + FAR
             best_by_method = {name: min(self._criteria([name]), default=limit) for name in ORDERS}
@@ -232,7 +233,7 @@ class StructureSearch:
                     self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
-            self._refine(family, shortest)
+            self._refine(family, tuple(min(delay, 1) for delay in delays))
 
     def continue_from(self, other: "StructureSearch", shortest: tuple[int, ...]) -> None:
         """Fit the best candidates of a search on a part of the records, and change their single orders.

@@ -176,3 +176,43 @@ def test_a_delay_that_is_far_too_long_does_not_hide_the_plant():
     noise = 3e-4 * np.random.default_rng(4).standard_normal(len(u))
     choice = auto(IOData(u, scipy.signal.lfilter(b.ravel(), a, u) + noise, dt).detrend())
     np.testing.assert_allclose(np.sort_complex(choice.estimate.poles()), np.sort_complex(np.roots(a)), atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("step_at", [3, 12])
+def test_a_step_soon_after_the_beginning(step_at):
+    """Gain 2, dead time 10 and no noise: the output of the delayed step itself tells both."""
+    u = (np.arange(300) >= step_at).astype(float)
+    y = scipy.signal.lfilter(np.append(np.zeros(11), 0.2), [1.0, -0.9], u)
+    choice = auto(IOData(u, y, 1.0).detrend())
+    assert choice.candidates[0].orders["nk"] == 11
+    assert choice.estimate.dc_gain()[0, 0] == pytest.approx(2.0, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_direct_term_beside_a_resonance_under_a_chirp():
+    """Zeros at 10 Hz, poles at 40 Hz: the input is determined, so that no controller can hide in the direct term."""
+    dt = 0.002
+    time = np.arange(2500) * dt
+    u = scipy.signal.chirp(time, 1.0, time[-1], 80.0)
+    zeros, poles = [1, 0.8, (20 * np.pi) ** 2], [1, 2.0, (80 * np.pi) ** 2]
+    b, a, _ = scipy.signal.cont2discrete((zeros, poles), dt)
+    y = scipy.signal.lfilter(b.ravel(), a, u) + 1e-3 * np.random.default_rng(0).standard_normal(len(u))
+    choice = auto(IOData(u, y, dt))
+    best = choice.candidates[0]
+    assert (best.method, best.orders) == ("oe", {"nb": 3, "nf": 2, "nk": 0})
+    natural = np.abs(np.log(choice.estimate.poles())) / dt / (2 * np.pi)
+    np.testing.assert_allclose(natural, 40.0, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_a_delay_that_a_lag_may_stand_for_is_said():
+    rng, time = np.random.default_rng(1), np.arange(2000)
+    u = sum(np.sin(2 * np.pi * hz * time + rng.uniform(0, 6)) for hz in (0.0005, 0.001, 0.002, 0.003))
+    y = scipy.signal.lfilter([0, 0, 0, 0.02], np.poly([0.9, 0.8]), u) + 0.05 * rng.standard_normal(2000)
+    choice = auto(IOData(u, y, 0.01), methods=["oe"])
+    (caution,) = choice.cautions
+    assert re.match(r"the delay is between [0-3] and \d+ samples: lag and delay cannot be told apart; steps", caution)
+    fast = rng.choice([-1.0, 1.0], 1000)
+    moved = scipy.signal.lfilter([0, 0, 0, 0.02], np.poly([0.9, 0.8]), fast) + 0.02 * rng.standard_normal(1000)
+    assert auto(IOData(fast, moved, 0.01), methods=["oe"]).cautions == ()

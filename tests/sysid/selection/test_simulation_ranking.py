@@ -25,7 +25,7 @@ def record(rng):
 
 def searched(data, methods):
     search = StructureSearch((data,), (), 10, methods)
-    search.climb_structures((1,))
+    search.climb_structures((1,), (1,))
     return search
 
 
