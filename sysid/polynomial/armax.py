@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
+from sysid.polynomial.constraints import FixedRows
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
@@ -25,6 +26,7 @@ def armax(
     offset: bool = False,
     trend: bool = False,
     error_threshold: float = 0.0,
+    fixed: FixedRows | None = None,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + C(q) e by minimising the one-step prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -51,6 +53,8 @@ def armax(
             (Huber's loss, MATLAB's ErrorThreshold), as of records with outliers; 1.6 is usual, 0 stands for squares
             alone. The noise variance is then the squared robust deviation, and the covariance that of [Huber1981, sec.
             7.6].
+        fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
+            `{"A": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
 
     Returns:
         The estimate; parameters a1.., b1.., c1...
@@ -74,4 +78,5 @@ def armax(
         offset=offset,
         trend=trend,
         error_threshold=error_threshold,
+        fixed=fixed,
     )

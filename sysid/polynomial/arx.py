@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.models.estimate import Estimate
+from sysid.polynomial.constraints import Constraint, FixedRows, fixed_coefficients
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
 from sysid.polynomial.least_squares import LeastSquares, solve, solve_triangle, triangle_of_blocks
@@ -45,6 +46,7 @@ def arx(
     offset: bool = False,
     trend: bool = False,
     error_threshold: float = 0.0,
+    fixed: FixedRows | None = None,
 ) -> Estimate:
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3], or by regularised ones.
 
@@ -65,13 +67,15 @@ def arx(
         error_threshold: Errors beyond this many robust standard deviations count linearly instead of by their squares,
             as in `oe`. An outlier of a sensor is also a regressor of the next errors, which no weight mends: `oe`, or
             a missing output, does.
+        fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
+            `{"A": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
 
     Returns:
         The estimate; parameters a1.., b1...
 
     Raises:
         SysidError: Constant input, several outputs, orders negative or too many for the data, an unknown kernel, or one
-            together with `coloured` or `error_threshold`, or these two together.
+            together with `coloured`, `error_threshold` or `fixed`, or the first two together.
 
     Warns:
         SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
@@ -84,9 +88,19 @@ def arx(
         raise SysidError("error_threshold needs coloured=False and regularisation=None: expected one of the three")
     experiments = as_experiments(data, missing=not coloured, series=True)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk, trend=trend_degree(offset, trend))
+    constraint = fixed_coefficients(fixed, orders, "AB")
+    if constraint is not None and kernel is not None:
+        raise SysidError("fixed needs regularisation=None: a prior is one of whole responses")
     order_values = orders.select("na", "nb", "nk")
     return regression_estimate(
-        "arx", experiments, orders, order_values, coloured=coloured, kernel=kernel, threshold=threshold
+        "arx",
+        experiments,
+        orders,
+        order_values,
+        coloured=coloured,
+        kernel=kernel,
+        threshold=threshold,
+        constraint=constraint,
     )
 
 
@@ -99,6 +113,7 @@ def regression_estimate(
     coloured: bool = False,
     kernel: Kernel | None = None,
     threshold: float = 0.0,
+    constraint: Constraint | None = None,
 ) -> Estimate:
     """Check the data, solve for A and B by least squares or with a prior, and return the estimate.
 
@@ -131,16 +146,20 @@ def regression_estimate(
             deviations = np.sqrt(np.diag(covariance))
             messages += _undecayed_responses(theta, deviations, orders.nb, experiments[0].input_names or ())
     else:
-        fit, rows = equations.least_squares()
-        theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (rows - orders.count)
+        fit, rows = equations.least_squares(constraint)
+        theta, variance = fit.solution[:, 0], float(fit.residual_gram[0, 0]) / (rows - len(fit.solution))
         messages += fit.rank_message()
         covariance = variance * fit.inverse_gram
+        if constraint is not None:
+            theta, covariance = constraint.full(theta), constraint.basis @ covariance @ constraint.basis.T
         if coloured:
             covariance = sandwich(experiments, orders, theta, covariance, variance)
         diagnostics = fit.diagnostics
+        if constraint is not None:
+            diagnostics["effective_parameters"] = constraint.count
     huber = None
     if threshold:
-        huber = huber_fit(experiments, orders, theta, threshold)
+        huber = huber_fit(experiments, orders, theta, threshold, constraint=constraint)
         theta, covariance, variance = huber.theta, huber.covariance(0), huber.scale**2
         messages += huber.messages
         diagnostics = {**diagnostics, **huber.diagnostics}
@@ -198,12 +217,19 @@ class Equations:
         """Whether the equations are reduced to a triangle first: long ones, and those with trends to project out."""
         return self._are_long or self.orders.trend_terms > 0
 
-    def least_squares(self) -> tuple[LeastSquares, int]:
-        """Solution, and the number of equations, less those that trends use up."""
+    def least_squares(self, constraint: Constraint | None = None) -> tuple[LeastSquares, int]:
+        """Solution, of the free parameters, and the number of equations, less those that trends use up."""
         if self._as_triangle:
             triangle, lengths, rows = self._triangle()
+            if constraint is not None:
+                triangle = triangle * lengths
+                phi, target = triangle[:, :-1], triangle[:, -1]
+                fit = solve(phi @ constraint.basis, (target - phi @ constraint.base)[:, None])
+                return fit, rows
             return solve_triangle(triangle, lengths, self.orders.count, rows), rows
         phi, target = self._at_once()
+        if constraint is not None:
+            phi, target = phi @ constraint.basis, target - phi @ constraint.base
         return solve(phi, target[:, None]), len(phi)
 
     def posterior(self, sizes: Sequence[int], kernel: Kernel) -> Posterior:

@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from sysid.polynomial.constraints import ConstrainedCriterion, Constraint
 from sysid.polynomial.error_jacobian import ErrorJacobian, error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
@@ -19,11 +20,11 @@ from sysid.polynomial.orders import Orders
 from sysid.polynomial.outliers import NORMAL_MEDIAN
 from sysid.polynomial.prediction_error import (
     Linearisation,
+    Minimum,
     coloured_information,
     levenberg_marquardt,
     linearisation_of,
 )
-from sysid.polynomial.stability_limit import move_roots_inside, outward
 from sysid.polynomial.trends import trend_terms
 from sysid.records.arguments import real_number
 from sysid.records.arrays import FloatArray
@@ -92,6 +93,26 @@ class WeightedErrors:
         count = int(sum(map(np.count_nonzero, self.counted)))
         return replace(linearisation_of(self.jacobians(theta, roots), theta), errors=count)
 
+    def minimum(
+        self,
+        theta: FloatArray,
+        roots: Sequence[FloatArray],
+        constraint: Constraint | None,
+        max_iterations: int,
+    ) -> tuple[Minimum, float]:
+        """Minimum of the weighted sum of squares from parameters (p,), and the square of the errors' first change."""
+        orders, longest = self.orders, max(map(len, self.experiments))
+        energy = sum(float(np.sum(e.y**2)) for e in self.experiments)
+        search = ConstrainedCriterion(orders, constraint, longest, partial(self.linearise, roots=roots))
+        free = search.free(theta)
+        at = search(free, free)
+        if at is None:
+            raise SysidError("error_threshold: the estimate by squares has C, D or F with a root on the unit circle")
+        minimum = levenberg_marquardt(search, at, energy, outward=search.outward, max_iterations=max_iterations)
+        moved = at.triangle @ (at.scale * (minimum.at.theta - free))
+        full = replace(minimum, at=replace(minimum.at, theta=search.full(minimum.at.theta)))
+        return full, float(moved @ moved)
+
     def jacobians(self, theta: FloatArray, roots: Sequence[FloatArray]) -> list[ErrorJacobian]:
         """Jacobian and errors of each experiment, rows times the square `roots` (rows_i,) of their weights."""
         pairs = zip(self.experiments, roots, strict=True)
@@ -104,6 +125,7 @@ class HuberFit:
 
     Attributes:
         theta: Parameters (p,).
+        basis: Their change by each free parameter (p, q).
         tables: Jacobian and errors (rows, p + 1) per experiment; zero rows, with NaN as error, where none counts.
         scale: Robust standard deviation of the errors s.
         threshold: k.
@@ -114,6 +136,7 @@ class HuberFit:
     """
 
     theta: FloatArray
+    basis: FloatArray
     tables: tuple[FloatArray, ...]
     scale: float
     threshold: float
@@ -161,11 +184,12 @@ class HuberFit:
             clipped.append(np.column_stack((table[:, :-1], psi)))
         psi = np.concatenate([table[:, -1] for table in clipped])
         psi = psi[np.isfinite(psi)]
-        count, unknown = len(psi), len(self.theta) + self.transients
-        triangle, lengths = scaled_triangle(np.nan_to_num(np.vstack(clipped)), guarded=len(self.theta))
-        p = len(self.theta)
-        half = np.linalg.pinv(triangle[:p, :p]) / lengths[:p, None]
-        middle = np.eye(p)
+        q = self.basis.shape[1]
+        count, unknown = len(psi), q + self.transients
+        derivatives = np.vstack([table[:, :-1] @ self.basis for table in clipped])
+        triangle, lengths = scaled_triangle(derivatives)
+        half = self.basis @ (np.linalg.pinv(triangle) / lengths[:, None])
+        middle = np.eye(q)
         # errors that are all zero have no colour
         if colour_order and psi.any():
             middle = coloured_information(clipped, colour_order, half)
@@ -183,35 +207,23 @@ def huber_fit(
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
     *,
     max_iterations: int = 100,
+    constraint: Constraint | None = None,
 ) -> HuberFit:
     """Minimise Huber's loss from the parameters (p,) of least squares.
 
     The scale s is the median of |eps| over 0.6745, of the known errors, with the parameters counted.
     """
     weighted = WeightedErrors.of(experiments, orders, initial_conditions)
-    energy = sum(float(np.sum(e.y**2)) for e in weighted.experiments)
-    longest = max(map(len, experiments))
     roots = [mask.astype(float) for mask in weighted.counted]
     scale, converged, rounds = 0.0, False, 0
     while not converged and rounds < ROUNDS:
         rounds += 1
         errors = _errors(weighted.jacobians(theta, roots), roots)
         if rounds <= SCALED:
-            scale = _scale(errors, orders.count)
+            scale = _scale(errors, orders.count if constraint is None else constraint.count)
         roots = _roots(errors, threshold * scale if scale else np.inf)
-        at = weighted.linearise(theta, roots)
-
-        def criterion(
-            trial: FloatArray, origin: FloatArray, roots: Sequence[FloatArray] = roots
-        ) -> Linearisation | None:
-            if not np.isfinite(trial).all():
-                return None
-            return weighted.linearise(move_roots_inside(orders, trial, origin, longest), roots)
-
-        limits = partial(outward, orders, samples=longest)
-        minimum = levenberg_marquardt(criterion, at, energy, outward=limits, max_iterations=max_iterations)
-        moved = at.triangle @ (at.scale * (minimum.at.theta - theta))
-        converged = float(moved @ moved) <= SETTLED * at.cost
+        minimum, change = weighted.minimum(theta, roots, constraint, max_iterations)
+        converged = change <= SETTLED * minimum.at.cost
         theta = minimum.at.theta
     final = weighted.jacobians(theta, roots)
     trends = []
@@ -219,6 +231,7 @@ def huber_fit(
         trends.append(trend_terms(orders.trend, len(experiment)) @ jacobian.trend)
     return HuberFit(
         theta=theta,
+        basis=np.eye(orders.count) if constraint is None else constraint.basis,
         tables=tuple(_unweighted(jacobian.columns, root) for jacobian, root in zip(final, roots, strict=True)),
         scale=scale,
         threshold=threshold,

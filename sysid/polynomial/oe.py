@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
+from sysid.polynomial.constraints import FixedRows
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
@@ -24,6 +25,7 @@ def oe(
     offset: bool = False,
     trend: bool = False,
     error_threshold: float = 0.0,
+    fixed: FixedRows | None = None,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
@@ -53,6 +55,8 @@ def oe(
             (Huber's loss, MATLAB's ErrorThreshold), as of records with outliers; 1.6 is usual, 0 stands for squares
             alone. The noise variance is then the squared robust deviation, and the covariance that of [Huber1981, sec.
             7.6].
+        fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
+            `{"F": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -75,4 +79,5 @@ def oe(
         offset=offset,
         trend=trend,
         error_threshold=error_threshold,
+        fixed=fixed,
     )

@@ -2,8 +2,10 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -14,6 +16,7 @@ from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
 from sysid.models.record_hash import record_hash
 from sysid.models.state_space import StateSpace
+from sysid.polynomial.constraints import Constraint, FixedRows, constrained_search, fixed_coefficients
 from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
 from sysid.polynomial.error_jacobian import jacobian_of_record
 from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
@@ -214,6 +217,7 @@ def prediction_error_estimate(
     trend: bool = False,
     series: bool = False,
     error_threshold: float = 0.0,
+    fixed: FixedRows | None = None,
 ) -> Estimate:
     """Check the data, minimise the prediction errors, and return the estimate.
 
@@ -235,6 +239,8 @@ def prediction_error_estimate(
     if threshold and coloured and not shows_colour:
         raise SysidError("coloured=True beside a noise model needs error_threshold=0: expected one of the two")
     check_single_output(experiments)
+    letters = "".join(letter for letter in "ABCDF" if f"n{letter.lower()}" in order_values)
+    constraint = fixed_coefficients(fixed, orders, letters)
     complete = all(e.complete for e in experiments)
     if not complete and initial_conditions is InitialConditions.BACKCAST:
         raise SysidError(
@@ -247,28 +253,32 @@ def prediction_error_estimate(
     levelled = level(experiments, orders.trend) if orders.trend_terms else None
     if levelled is not None:
         experiments = levelled.experiments
-    filled = experiments if complete else fill_gaps(experiments, orders)
     first = None if start is None else InitialEstimate("start", orders.parameters(start))
     find = partial(
         search, orders=orders, start=first, max_iterations=max_iterations, initial_conditions=initial_conditions
     )
-    result = None
-    if complete and first is None and sum(map(len, experiments)) > LONG:
-        result = search_of_long_records(experiments, initial_estimates, find)
-    if result is None:
-        for_starts = filled
-        if rest and constant_inputs(filled):
-            # initial estimates fit a free initial state: only before it does the record show the step
-            for_starts = after_rest(filled, STEADY * (max(orders.nk) + orders.count))
-        result = find(experiments, partial(initial_estimates, for_starts))
+    result = _lowest_minimum(experiments, find, constraint)
     at = result.best.at
-    variance = at.sum_of_squares / (at.errors - orders.count - at.transients)
     half, condition = directions(at)
     diagnostics = _diagnostics(result, condition)
-    messages += _search_messages(method, orders, result.best, condition)
+    searched, free_count = at.theta, orders.count
+    if constraint is not None:
+        half = constraint.basis @ half
+        searched, free_count = constraint.searched(orders, at.theta), constraint.count
+        diagnostics["effective_parameters"] = free_count
+    variance = at.sum_of_squares / (at.errors - free_count - at.transients)
+    messages += _search_messages(method, result.best, condition) + _near_unit_circle(orders, searched)
     huber = None
     if threshold:
-        huber = huber_fit(experiments, orders, at.theta, threshold, initial_conditions, max_iterations=max_iterations)
+        huber = huber_fit(
+            experiments,
+            orders,
+            at.theta,
+            threshold,
+            initial_conditions,
+            max_iterations=max_iterations,
+            constraint=constraint,
+        )
         at, variance = replace(at, theta=huber.theta), huber.scale**2
         covariance = huber.covariance(_colour_order(at) if coloured else 0)
         messages += huber.messages
@@ -277,8 +287,8 @@ def prediction_error_estimate(
         covariance = _covariance(experiments, orders, at, half, variance, initial_conditions, coloured=coloured)
     messages += _long_memory(orders, at)
     warn_each(messages, stacklevel=3)
-    # squares of errors tell the constant: with a threshold, outliers would
-    is_free = initial_conditions is InitialConditions.ESTIMATED and huber is None
+    # a fit with a constant is one of squares, and of all parameters
+    is_free = initial_conditions is InitialConditions.ESTIMATED and huber is None and constraint is None
     if complete and is_free and levelled is None and not any("offset" in message for message in messages):
         of_offset = missing_constant(experiments, orders, at)
         messages += of_offset
@@ -305,6 +315,35 @@ def prediction_error_estimate(
         recorded=recorded,
         looked_for_offset=(complete and is_free) or huber is not None,
         looks_for_outliers=True,
+    )
+
+
+def _lowest_minimum(experiments: Sequence[IOData], find: partial[Search], constraint: Constraint | None) -> Search:
+    """Search all minima, of long records on stretches first; with a constraint, from where the free search ends too."""
+    orders, first, initial_conditions = (find.keywords[key] for key in ("orders", "start", "initial_conditions"))
+    complete = all(e.complete for e in experiments)
+    if complete and first is None and constraint is None and sum(map(len, experiments)) > LONG:
+        result = search_of_long_records(experiments, initial_estimates, find)
+        if result is not None:
+            return result
+    for_starts: Sequence[IOData] = experiments if complete else fill_gaps(experiments, orders)
+    if initial_conditions is InitialConditions.ZERO and constant_inputs(for_starts):
+        # initial estimates fit a free initial state: only before it does the record show the step
+        for_starts = after_rest(for_starts, STEADY * (max(orders.nk) + orders.count))
+    starts = partial(initial_estimates, for_starts)
+    if constraint is None:
+        return find(experiments, starts)
+    candidates = [] if first is None else [first]
+    # orders that fixed coefficients alone make possible have no free minimum
+    with suppress(SysidError):
+        candidates.append(InitialEstimate("free minimum", find(experiments, starts).best.at.theta))
+    return constrained_search(
+        experiments,
+        chain(candidates, starts(orders)),
+        orders,
+        constraint,
+        max_iterations=find.keywords["max_iterations"],
+        initial_conditions=initial_conditions,
     )
 
 
@@ -377,8 +416,8 @@ def _colour_order(at: Linearisation) -> int:
     return min(COLOUR, at.errors // ROWS_PER_COEFFICIENT)
 
 
-def _search_messages(method: str, orders: Orders, minimum: Minimum, condition: float) -> list[str]:
-    """Describe a search that did not converge, poorly determined parameters, and roots near the unit circle."""
+def _search_messages(method: str, minimum: Minimum, condition: float) -> list[str]:
+    """Describe a search that did not converge, and poorly determined parameters."""
     messages = []
     if not minimum.converged:
         messages.append(f"{method} did not converge: {minimum.reason}")
@@ -386,7 +425,7 @@ def _search_messages(method: str, orders: Orders, minimum: Minimum, condition: f
         messages.append(
             f"the parameters are poorly determined: condition number {condition:.2g} of the scaled Jacobian"
         )
-    return messages + _near_unit_circle(orders, minimum.at.theta)
+    return messages
 
 
 def _diagnostics(result: Search, condition: float) -> dict[str, Any]:

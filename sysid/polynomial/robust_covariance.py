@@ -34,11 +34,11 @@ def sandwich(
     """Covariance H^-1 S H^-1 of a prediction-error estimate (p, p), from its covariance for white errors."""
     if variance <= 0.0:
         return covariance
-    directions = standard_directions(covariance)
+    directions = _free_directions(covariance)
     curvature = _curvature(experiments, orders, theta, directions, initial_conditions)
     # variance times identity for a true model, and the fallback at a stability bound
     if curvature is None or np.linalg.eigvalsh(curvature)[0] < SINGULAR * variance:
-        curvature = variance * np.eye(len(theta))
+        curvature = variance * np.eye(directions.shape[1])
     series = [terms @ directions for terms in scores(experiments, orders, theta, initial_conditions)]
     half = directions @ np.linalg.inv(curvature)
     return half @ long_run_covariance(series) @ half.T
@@ -57,12 +57,22 @@ def curvature_covariance(
     `covariance` is an approximation whose directions serve as coordinates; it is returned if the curvature is not
     that of a minimum, as at a stability bound.
     """
-    directions = standard_directions(covariance)
+    directions = _free_directions(covariance)
     # the gradient at theta itself is zero
     curvature = _curvature(experiments, orders, theta, directions, initial_conditions, sides=(1.0,))
     if curvature is None or np.linalg.eigvalsh(curvature)[0] < SINGULAR * variance:
         return covariance
     return variance * directions @ np.linalg.inv(curvature) @ directions.T
+
+
+def _free_directions(covariance: FloatArray) -> FloatArray:
+    """`standard_directions` (p, q) of the parameters that are not fixed, whose variance is zero."""
+    free = np.diag(covariance) > 0.0
+    if free.all() or not free.any():
+        return standard_directions(covariance)
+    directions = np.zeros((len(covariance), int(free.sum())))
+    directions[free] = standard_directions(covariance[np.ix_(free, free)])
+    return directions
 
 
 def long_run_covariance(series: Sequence[FloatArray]) -> FloatArray:
