@@ -11,12 +11,15 @@ from sysid.models.estimate import Estimate
 from sysid.polynomial.constraints import Constraint, FixedRows, fixed_coefficients
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
+from sysid.polynomial.focus import Focus, checked_focus
+from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import LeastSquares, solve, solve_triangle, triangle_of_blocks
 from sysid.polynomial.orders import Orders, make_orders, orders_apart
 from sysid.polynomial.polynomial_estimate import (
     check_enough_data,
     check_single_output,
     make_estimate,
+    prediction_error_estimate,
     trend_diagnostics,
     trends_of_outputs,
 )
@@ -29,6 +32,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 
+SIMULATION_STEPS = 100  # limit on those of the search with focus='simulation'
 HYPER_PARAMETERS = 3  # of each block of coefficients with a prior, at most
 UNDECAYED = 0.1  # of its peak, that a truncated response still has
 SIGNIFICANT = 4.0  # standard deviations, of the largest of several coefficients
@@ -47,6 +51,7 @@ def arx(
     trend: bool = False,
     error_threshold: float = 0.0,
     fixed: FixedRows | None = None,
+    focus: Focus = "prediction",
 ) -> Estimate:
     """Fit A(q) y = B(q) u + e by least squares [Ljung1999, sec. 4.2, 7.3], or by regularised ones.
 
@@ -69,6 +74,9 @@ def arx(
             a missing output, does.
         fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
             `{"A": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
+        focus: "prediction", "simulation" (the path minimises simulation errors, the noise model follows), or a band
+            (low, high) in Hz: inputs and outputs then pass the same Butterworth filter, whose transients do not count.
+            The noise model and its variance are those of the filtered record; `coloured` holds.
 
     Returns:
         The estimate; parameters a1.., b1...
@@ -80,14 +88,38 @@ def arx(
     Warns:
         SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
     """
-    coloured, kernel = truth_value("coloured", coloured), checked_kernel("regularisation", regularisation)
+    band, simulates = checked_focus(focus)
+    if simulates:
+        if regularisation is not None:
+            raise SysidError("focus='simulation' needs regularisation=None: a prior is one of prediction errors")
+        return prediction_error_estimate(
+            "arx",
+            data,
+            {"na": na, "nb": nb, "nk": nk},
+            start=None,
+            max_iterations=SIMULATION_STEPS,
+            coloured=coloured,
+            initial_conditions=InitialConditions.ESTIMATED,
+            offset=offset,
+            trend=trend,
+            error_threshold=error_threshold,
+            fixed=fixed,
+            focus=focus,
+        )
+    kernel = checked_kernel("regularisation", regularisation)
+    coloured = truth_value("coloured", coloured) or band is not None
     if coloured and kernel is not None:
-        raise SysidError("coloured=True needs regularisation=None: a posterior covariance rests on white errors")
+        raise SysidError(
+            "coloured=True, or a band as focus, needs regularisation=None: a posterior covariance rests on white errors"
+        )
     threshold = checked_error_threshold(error_threshold)
     if threshold and (coloured or kernel is not None):
-        raise SysidError("error_threshold needs coloured=False and regularisation=None: expected one of the three")
+        raise SysidError("error_threshold needs coloured=False, no band as focus, and regularisation=None")
     experiments = as_experiments(data, missing=not coloured, series=True)
     orders = make_orders(experiments[0].nu, na=na, nb=nb, nk=nk, trend=trend_degree(offset, trend))
+    recorded = experiments
+    if band is not None:
+        experiments = band.filtered(experiments, InitialConditions.ESTIMATED, orders.trend)
     constraint = fixed_coefficients(fixed, orders, "AB")
     if constraint is not None and kernel is not None:
         raise SysidError("fixed needs regularisation=None: a prior is one of whole responses")
@@ -101,6 +133,7 @@ def arx(
         kernel=kernel,
         threshold=threshold,
         constraint=constraint,
+        recorded=recorded,
     )
 
 
@@ -114,10 +147,12 @@ def regression_estimate(
     kernel: Kernel | None = None,
     threshold: float = 0.0,
     constraint: Constraint | None = None,
+    recorded: Sequence[IOData] | None = None,
 ) -> Estimate:
     """Check the data, solve for A and B by least squares or with a prior, and return the estimate.
 
-    `order_values` are the orders as the estimate reports them.
+    `order_values` are the orders as the estimate reports them, `recorded` the records that it recognises as its own, by
+    default the experiments.
     """
     check_single_output(experiments)
     # a prior takes the place of excitation and of samples
@@ -164,7 +199,7 @@ def regression_estimate(
         messages += huber.messages
         diagnostics = {**diagnostics, **huber.diagnostics}
     warn_each(messages, stacklevel=3)
-    recorded = experiments
+    recorded = experiments if recorded is None else recorded
     if orders.trend_terms:
         trends = trends_of_outputs(experiments, orders, theta) if huber is None else huber.trends_of_outputs
         levelled = Levelled.of(experiments).subtract(trends)

@@ -6,6 +6,7 @@ All parameters are base + basis @ free. A search runs in the free ones; derivati
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -116,7 +117,9 @@ def fixed_coefficients(fixed: FixedRows | None, orders: Orders, letters: str) ->
     return constraint
 
 
-def _checked_rows(fixed: FixedRows, orders: Orders, letters: str) -> Iterator[tuple[str, ArrayLike, slice, FloatArray]]:
+def _checked_rows(
+    fixed: Mapping[str, Any], orders: Orders, letters: str
+) -> Iterator[tuple[str, Any, slice, FloatArray]]:
     """Name, row, positions among the parameters, and leading coefficients, of every polynomial with known ones."""
     if not isinstance(fixed, Mapping):
         raise SysidError(
@@ -143,7 +146,7 @@ def _checked_rows(fixed: FixedRows, orders: Orders, letters: str) -> Iterator[tu
             yield name, row, of_row, leading
 
 
-def _write_row(values: FloatArray, name: str, row: ArrayLike, positions: slice, leading: FloatArray) -> None:
+def _write_row(values: FloatArray, name: str, row: Any, positions: slice, leading: FloatArray) -> None:
     """Check the row of a polynomial and write its coefficients to their positions."""
     try:
         coefficients = np.array(row, dtype=float)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.constraints import FixedRows
+from sysid.polynomial.focus import Focus
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
@@ -26,6 +27,7 @@ def oe(
     trend: bool = False,
     error_threshold: float = 0.0,
     fixed: FixedRows | None = None,
+    focus: Focus = "prediction",
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
@@ -57,6 +59,9 @@ def oe(
             7.6].
         fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
             `{"F": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
+        focus: "prediction", "simulation" (here the same), or a band
+            (low, high) in Hz: inputs and outputs then pass the same Butterworth filter, whose transients do not count.
+            The noise model and its variance are those of the filtered record.
 
     Returns:
         The estimate; parameters b1.., f1...
@@ -80,4 +85,5 @@ def oe(
         trend=trend,
         error_threshold=error_threshold,
         fixed=fixed,
+        focus=focus,
     )

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from sysid.models.estimate import Estimate
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.constraints import FixedRows
+from sysid.polynomial.focus import Focus
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
@@ -29,6 +30,7 @@ def polyest(
     trend: bool = False,
     error_threshold: float = 0.0,
     fixed: FixedRows | None = None,
+    focus: Focus = "prediction",
 ) -> Estimate:
     """Fit A(q) y = B(q)/F(q) u + C(q)/D(q) e by minimising the prediction errors [Ljung1999, sec. 4.2, ch. 10].
 
@@ -60,6 +62,9 @@ def polyest(
             7.6].
         fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
             `{"F": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
+        focus: "prediction", "simulation" (the path minimises simulation errors, the noise model follows), or a band
+            (low, high) in Hz: inputs and outputs then pass the same Butterworth filter, whose transients do not count.
+            The noise model and its variance are those of the filtered record; `coloured` holds.
 
     Returns:
         The estimate; parameters a1.., b1.., c1.., d1.., f1...
@@ -84,4 +89,5 @@ def polyest(
         trend=trend,
         error_threshold=error_threshold,
         fixed=fixed,
+        focus=focus,
     )

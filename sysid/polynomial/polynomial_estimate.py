@@ -20,6 +20,7 @@ from sysid.polynomial.constraints import Constraint, FixedRows, constrained_sear
 from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
 from sysid.polynomial.error_jacobian import jacobian_of_record
 from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
+from sysid.polynomial.focus import Focus, checked_focus
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
 from sysid.polynomial.offset_test import missing_constant, offset_messages
@@ -31,11 +32,13 @@ from sysid.polynomial.prediction_error import (
     Minimum,
     Search,
     coloured_information,
+    linearise,
     output_errors,
     search,
     search_of_long_records,
 )
 from sysid.polynomial.robust_covariance import curvature_covariance, sandwich
+from sysid.polynomial.simulation_focus import simulation_search
 from sysid.polynomial.trends import Levelled, level, trend_degree, trend_terms
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
@@ -218,6 +221,7 @@ def prediction_error_estimate(
     series: bool = False,
     error_threshold: float = 0.0,
     fixed: FixedRows | None = None,
+    focus: Focus = "prediction",
 ) -> Estimate:
     """Check the data, minimise the prediction errors, and return the estimate.
 
@@ -227,8 +231,10 @@ def prediction_error_estimate(
     With `coloured`, the covariance allows for errors that are not white; those of OE models are taken to be independent
     of the input, which gives narrower intervals. The orders are those of `make_orders` by name; `series` allows records
     without input. A constant, with `trend` a straight line, in the output of each experiment is projected out likewise.
+    Errors of a record that passes a band need not be white, so that `coloured` holds.
     """
-    coloured = truth_value("coloured", coloured)
+    band, simulates = checked_focus(focus)
+    coloured = truth_value("coloured", coloured) or band is not None
     # beside a noise model, only complete records show the colour
     shows_colour = not {"na", "nc", "nd"} & order_values.keys()
     experiments = as_experiments(data, missing=shows_colour or not coloured, series=series)
@@ -237,7 +243,11 @@ def prediction_error_estimate(
     max_iterations = whole_number("max_iterations", max_iterations, 1)
     threshold = checked_error_threshold(error_threshold)
     if threshold and coloured and not shows_colour:
-        raise SysidError("coloured=True beside a noise model needs error_threshold=0: expected one of the two")
+        raise SysidError("coloured=True or a band as focus, beside a noise model, needs error_threshold=0")
+    # without noise model, predictions are simulations
+    simulates = simulates and not shows_colour
+    if simulates and (threshold or fixed is not None or coloured):
+        raise SysidError("focus='simulation' beside a noise model needs error_threshold=0, fixed=None, coloured=False")
     check_single_output(experiments)
     letters = "".join(letter for letter in "ABCDF" if f"n{letter.lower()}" in order_values)
     constraint = fixed_coefficients(fixed, orders, letters)
@@ -248,8 +258,10 @@ def prediction_error_estimate(
             "data.complete_parts() cuts a record into experiments without gaps"
         )
     rest = initial_conditions is InitialConditions.ZERO
-    messages = _data_messages(experiments, orders, rest=rest)
     recorded = experiments
+    if band is not None:
+        experiments = band.filtered(experiments, initial_conditions, orders.trend)
+    messages = _data_messages(experiments, orders, rest=rest)
     levelled = level(experiments, orders.trend) if orders.trend_terms else None
     if levelled is not None:
         experiments = levelled.experiments
@@ -257,6 +269,8 @@ def prediction_error_estimate(
     find = partial(
         search, orders=orders, start=first, max_iterations=max_iterations, initial_conditions=initial_conditions
     )
+    if simulates:
+        return _simulation_estimate(method, experiments, recorded, levelled, order_values, find, messages)
     result = _lowest_minimum(experiments, find, constraint)
     at = result.best.at
     half, condition = directions(at)
@@ -318,6 +332,63 @@ def prediction_error_estimate(
     )
 
 
+def _simulation_estimate(
+    method: str,
+    experiments: Sequence[IOData],
+    recorded: Sequence[IOData],
+    levelled: Levelled | None,
+    order_values: Mapping[str, Any],
+    find: partial[Search],
+    messages: list[str],
+) -> Estimate:
+    """Estimate whose path minimises the simulation errors.
+
+    The covariance of A, B and F allows for a disturbance of any colour that is independent of the input; that of C and
+    D takes the path as known, and the two as uncorrelated.
+    """
+    orders, initial_conditions = find.keywords["orders"], find.keywords["initial_conditions"]
+    starts = partial(initial_estimates, _for_starts(experiments, orders, initial_conditions))
+    result = simulation_search(experiments, starts, find)
+    at = result.path.best.at
+    half, condition = directions(at)
+    half = result.basis @ half
+    columns = output_errors(experiments, result.tied, at.theta, initial_conditions)
+    middle = coloured_information(columns, _colour_order(at), half) if at.cost > 0.0 else np.eye(half.shape[1])
+    of_path = at.sum_of_squares / (at.errors - result.basis.shape[1] - at.transients) * (half @ middle @ half.T)
+    covariance = np.zeros((orders.count,) * 2)
+    places = result.of_tied_path
+    covariance[np.ix_(result.of_path, result.of_path)] = of_path[np.ix_(places, places)]
+    prediction = linearise(experiments, orders, result.theta, initial_conditions)
+    variance = prediction.sum_of_squares / (prediction.errors - orders.count - prediction.transients)
+    if result.noise is not None:
+        of_noise, _ = directions(result.noise.best.at)
+        of_noise = result.noise_basis @ of_noise
+        covariance += variance * of_noise @ of_noise.T
+    messages += _search_messages(method, result.path.best, condition)
+    messages += _near_unit_circle(orders, result.theta)
+    warn_each(messages, stacklevel=4)
+    diagnostics = _diagnostics(result.path, condition)
+    if levelled is not None:
+        trends = trends_of_outputs(experiments, result.tied, at.theta, initial_conditions)
+        levelled = levelled.subtract(trends)
+        experiments = levelled.experiments
+        diagnostics |= trend_diagnostics(levelled)
+    return make_estimate(
+        method,
+        experiments,
+        orders,
+        orders.select(*order_values),
+        theta=result.theta,
+        covariance=covariance,
+        variance=variance,
+        diagnostics=diagnostics,
+        messages=messages,
+        at_rest=initial_conditions is InitialConditions.ZERO,
+        recorded=recorded,
+        looks_for_outliers=True,
+    )
+
+
 def _lowest_minimum(experiments: Sequence[IOData], find: partial[Search], constraint: Constraint | None) -> Search:
     """Search all minima, of long records on stretches first; with a constraint, from where the free search ends too."""
     orders, first, initial_conditions = (find.keywords[key] for key in ("orders", "start", "initial_conditions"))
@@ -326,11 +397,7 @@ def _lowest_minimum(experiments: Sequence[IOData], find: partial[Search], constr
         result = search_of_long_records(experiments, initial_estimates, find)
         if result is not None:
             return result
-    for_starts: Sequence[IOData] = experiments if complete else fill_gaps(experiments, orders)
-    if initial_conditions is InitialConditions.ZERO and constant_inputs(for_starts):
-        # initial estimates fit a free initial state: only before it does the record show the step
-        for_starts = after_rest(for_starts, STEADY * (max(orders.nk) + orders.count))
-    starts = partial(initial_estimates, for_starts)
+    starts = partial(initial_estimates, _for_starts(experiments, orders, initial_conditions))
     if constraint is None:
         return find(experiments, starts)
     candidates = [] if first is None else [first]
@@ -345,6 +412,18 @@ def _lowest_minimum(experiments: Sequence[IOData], find: partial[Search], constr
         max_iterations=find.keywords["max_iterations"],
         initial_conditions=initial_conditions,
     )
+
+
+def _for_starts(
+    experiments: Sequence[IOData], orders: Orders, initial_conditions: InitialConditions
+) -> Sequence[IOData]:
+    """Records for initial estimates: without gaps, and with the rest before them that a step at the beginning needs."""
+    complete = all(e.complete for e in experiments)
+    for_starts: Sequence[IOData] = experiments if complete else fill_gaps(experiments, orders)
+    if initial_conditions is InitialConditions.ZERO and constant_inputs(for_starts):
+        # initial estimates fit a free initial state: only before it does the record show the step
+        for_starts = after_rest(for_starts, STEADY * (max(orders.nk) + orders.count))
+    return for_starts
 
 
 def trends_of_outputs(

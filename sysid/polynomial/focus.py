@@ -1,0 +1,141 @@
+"""Focus of a fit: one-step prediction, simulation, or a band of frequencies [Ljung1999, sec. 14.4, 8.5].
+
+A fit to inputs and outputs that pass the same filter L minimises L times the prediction errors, so that the path from
+the input is most accurate where L passes. The noise model is that of the filtered record: of L times the disturbance.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from sysid.polynomial.initial_conditions import InitialConditions
+from sysid.polynomial.trends import LINE, OFFSET
+from sysid.records.arguments import number_pair, shown
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError
+
+FILTER_ORDER = 5  # of the Butterworth filter, as in MATLAB's idfilt
+SETTLED = 0.01  # of the filter's transient, relative to its beginning, that remains in the record
+LONGEST = 0.5  # of the shortest record, that transients of the filter may take
+
+Focus = str | tuple[float, float]
+"""prediction, simulation, or the lower and the upper edge of a band in Hz."""
+
+
+@dataclass(frozen=True)
+class Band:
+    """A band of frequencies.
+
+    Attributes:
+        low: Lower edge in Hz, 0 for none.
+        high: Upper edge in Hz, infinity for none.
+    """
+
+    low: float
+    high: float
+
+    def filtered(
+        self, experiments: Sequence[IOData], initial_conditions: InitialConditions, trend: int
+    ) -> tuple[IOData, ...]:
+        """Records whose channels have passed a Butterworth filter, its transients within their windows.
+
+        From rest, zero before the record, there are none. Otherwise the filter starts in the steady state of the first
+        sample, and the window lasts until its slowest mode has decayed to 1 %.
+
+        Args:
+            experiments: The records.
+            initial_conditions: Assumption about the time before.
+            trend: Degree of the trend of the outputs that is estimated.
+
+        Raises:
+            SysidError: Edges beyond Nyquist, missing samples, a trend that the filter takes away, or a band so narrow
+                that transients fill half the shortest record.
+        """
+        if trend == LINE or (trend == OFFSET and self.low > 0.0):
+            raise SysidError(
+                f"focus={(self.low, self.high)} removes or delays what offset and trend estimate: expected both False, "
+                "or a band from 0 Hz with offset alone"
+            )
+        for k, experiment in enumerate(experiments):
+            if not experiment.complete:
+                raise SysidError(
+                    f"experiment {k} has missing samples, which no filter takes: expected focus='prediction', or "
+                    "data.complete_parts() as experiments"
+                )
+        sections = self._sections(experiments[0].dt)
+        if initial_conditions is InitialConditions.ZERO:
+            return tuple(_passed(experiment, sections, at_rest=True) for experiment in experiments)
+        transient = _settling_samples(sections)
+        shortest = min(len(experiment) - experiment.window for experiment in experiments)
+        if transient > LONGEST * shortest:
+            raise SysidError(
+                f"the filter of focus={(self.low, self.high)} takes {transient} samples to settle, the shortest record "
+                f"has {shortest}: expected a wider band, a longer record, or one from rest (initial_conditions='zero')"
+            )
+        filtered = []
+        for experiment in experiments:
+            passed = _passed(experiment, sections, at_rest=False)
+            filtered.append(replace(passed, window=max(experiment.window, transient)))
+        return tuple(filtered)
+
+    def _sections(self, dt: float) -> FloatArray:
+        """Second-order sections of the filter."""
+        nyquist = 0.5 / dt
+        if self.low >= nyquist:
+            raise SysidError(f"focus: expected a band that begins below Nyquist, {nyquist:g} Hz, got {self.low:g} Hz")
+        has_upper_edge = self.high < nyquist
+        edges = [edge for edge in (self.low, self.high) if 0.0 < edge < nyquist]
+        if self.low > 0.0 and has_upper_edge:
+            kind = "bandpass"
+        elif self.low > 0.0:
+            kind = "highpass"
+        elif has_upper_edge:
+            kind = "lowpass"
+        else:
+            raise SysidError(
+                f"focus: expected 'prediction' or a part of 0 to {nyquist:g} Hz, the Nyquist frequency, got all of it: "
+                f"{self.low:g} to {self.high:g} Hz"
+            )
+        sections: FloatArray = scipy.signal.butter(FILTER_ORDER, np.squeeze(edges), kind, fs=1.0 / dt, output="sos")
+        return sections
+
+
+def _passed(experiment: IOData, sections: FloatArray, *, at_rest: bool) -> IOData:
+    """All channels behind the filter, from rest or from the steady state of the first sample."""
+    steady = scipy.signal.sosfilt_zi(sections)[:, :, None]
+
+    def passed(channels: FloatArray) -> FloatArray:
+        first = np.zeros(channels.shape[1]) if at_rest else channels[0]
+        return np.asarray(scipy.signal.sosfilt(sections, channels, axis=0, zi=steady * first)[0])
+
+    u = passed(experiment.u) if experiment.nu else experiment.u
+    return replace(experiment, u=u, y=passed(experiment.y))
+
+
+def _settling_samples(sections: FloatArray) -> int:
+    """Samples until the slowest mode of the filter has decayed."""
+    _, poles, _ = scipy.signal.sos2zpk(sections)
+    return int(np.ceil(np.log(SETTLED) / np.log(np.abs(poles).max())))
+
+
+EXPECTED = "focus must be 'prediction', 'simulation' or two frequencies (low, high) in Hz"
+
+
+def checked_focus(focus: object) -> tuple[Band | None, bool]:
+    """The band, None for all frequencies, and whether the simulation counts instead of the prediction.
+
+    Raises:
+        SysidError: Another word, or no two frequencies in ascending order.
+    """
+    if isinstance(focus, str) and focus in ("prediction", "simulation"):
+        return None, focus == "simulation"
+    try:
+        low, high = number_pair("focus", focus, "two frequencies")
+    except SysidError as error:
+        raise SysidError(f"{EXPECTED}, got {shown(focus)}") from error
+    if not 0.0 <= low < high:
+        raise SysidError(f"{EXPECTED}, 0 <= low < high, got {shown(focus)}")
+    return Band(low, high), False
