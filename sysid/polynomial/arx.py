@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.constraints import Constraint, FixedRows, fixed_coefficients
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
@@ -25,6 +26,7 @@ from sysid.polynomial.polynomial_estimate import (
 )
 from sysid.polynomial.regressors import arx_equations, complete_rows, equation_blocks
 from sysid.polynomial.regularisation import Kernel, Posterior, checked_kernel, empirical_bayes, posterior_of_triangle
+from sysid.polynomial.response_fits import arx_of_response
 from sysid.polynomial.robust_covariance import sandwich
 from sysid.polynomial.trends import Levelled, equations_with_trends, trend_degree
 from sysid.records.arguments import truth_value
@@ -40,7 +42,7 @@ SIGNIFICANT = 4.0  # standard deviations, of the largest of several coefficients
 
 @orders_apart
 def arx(
-    data: IOData | Sequence[IOData],
+    data: IOData | Sequence[IOData] | FrequencyResponse,
     na: int,
     nb: int | Sequence[int],
     nk: int | Sequence[int] = 1,
@@ -57,6 +59,8 @@ def arx(
 
     Args:
         data: One experiment, or several that share the model. Equations with a missing output are omitted.
+            Of a frequency response of one input, with its variance, B/A is the most likely one, as by `fit_response`;
+            1/A of the disturbance is no more than the structure.
         na: Degree of A.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
@@ -88,23 +92,23 @@ def arx(
     Warns:
         SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
     """
+    if isinstance(data, FrequencyResponse):
+        options: dict[str, tuple[object, object]] = {"coloured": (coloured, False), "offset": (offset, False)}
+        options |= {"trend": (trend, False), "regularisation": (regularisation, None), "fixed": (fixed, None)}
+        options |= {"error_threshold": (error_threshold, 0.0), "focus": (focus, "prediction")}
+        return arx_of_response(data, na, nb, nk, options)
     band, simulates = checked_focus(focus)
     if simulates:
         if regularisation is not None:
             raise SysidError("focus='simulation' needs regularisation=None: a prior is one of prediction errors")
-        return prediction_error_estimate(
-            "arx",
+        return _simulated_arx(
             data,
             {"na": na, "nb": nb, "nk": nk},
-            start=None,
-            max_iterations=SIMULATION_STEPS,
             coloured=coloured,
-            initial_conditions=InitialConditions.ESTIMATED,
             offset=offset,
             trend=trend,
             error_threshold=error_threshold,
             fixed=fixed,
-            focus=focus,
         )
     kernel = checked_kernel("regularisation", regularisation)
     coloured = truth_value("coloured", coloured) or band is not None
@@ -134,6 +138,33 @@ def arx(
         threshold=threshold,
         constraint=constraint,
         recorded=recorded,
+    )
+
+
+def _simulated_arx(
+    data: IOData | Sequence[IOData],
+    order_values: Mapping[str, Any],
+    *,
+    coloured: bool,
+    offset: bool,
+    trend: bool,
+    error_threshold: float,
+    fixed: FixedRows | None,
+) -> Estimate:
+    """A and B by the simulation errors, which takes a search."""
+    return prediction_error_estimate(
+        "arx",
+        data,
+        order_values,
+        start=None,
+        max_iterations=SIMULATION_STEPS,
+        coloured=coloured,
+        initial_conditions=InitialConditions.ESTIMATED,
+        offset=offset,
+        trend=trend,
+        error_threshold=error_threshold,
+        fixed=fixed,
+        focus="simulation",
     )
 
 

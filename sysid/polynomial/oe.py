@@ -3,18 +3,20 @@
 from collections.abc import Sequence
 
 from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.polynomials import Polynomials
 from sysid.polynomial.constraints import FixedRows
 from sysid.polynomial.focus import Focus
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
+from sysid.polynomial.response_fits import oe_of_response
 from sysid.records.data import IOData
 
 
 @orders_apart
 def oe(
-    data: IOData | Sequence[IOData],
+    data: IOData | Sequence[IOData] | FrequencyResponse,
     nb: int | Sequence[int],
     nf: int | Sequence[int],
     nk: int | Sequence[int] = 1,
@@ -36,7 +38,8 @@ def oe(
 
     Args:
         data: One experiment, or several that share the model. With missing outputs, the likelihood of the known ones is
-            maximised.
+            maximised. A frequency response with its variance is fitted as by `fit_response`; of the options it takes
+            `max_iterations` alone.
         nb: Number of coefficients of B, one for all inputs or one per input.
         nf: Degree of F, likewise.
         nk: Delay in samples, likewise; nk = 1 means y(t) depends on u(t-1) first, nk = 0 gives a direct term.
@@ -68,11 +71,21 @@ def oe(
 
     Raises:
         SysidError: Constant input, several outputs, orders negative or too many for the data, a start that
-            does not fit.
+            does not fit; of a frequency response no variance, continuous time, options of records.
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning, F at the edge of stability.
     """
+    if isinstance(data, FrequencyResponse):
+        options: dict[str, tuple[object, object]] = {
+            "start": (start, None),
+            "coloured": (coloured, True),
+            "offset": (offset, False),
+        }
+        options |= {"trend": (trend, False), "error_threshold": (error_threshold, 0.0), "fixed": (fixed, None)}
+        options["initial_conditions"] = (InitialConditions.of(initial_conditions), InitialConditions.ESTIMATED)
+        options["focus"] = (focus, "prediction")
+        return oe_of_response(data, nb, nf, nk, max_iterations, options)
     return prediction_error_estimate(
         "oe",
         data,

@@ -12,6 +12,7 @@ import numpy as np
 
 from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
 from sysid.models.record_hash import record_hash
@@ -233,6 +234,7 @@ def prediction_error_estimate(
     without input. A constant, with `trend` a straight line, in the output of each experiment is projected out likewise.
     Errors of a record that passes a band need not be white, so that `coloured` holds.
     """
+    _refuse_response(method, data)
     band, simulates = checked_focus(focus)
     coloured = truth_value("coloured", coloured) or band is not None
     # beside a noise model, only complete records show the colour
@@ -330,6 +332,15 @@ def prediction_error_estimate(
         looked_for_offset=(complete and is_free) or huber is not None,
         looks_for_outliers=True,
     )
+
+
+def _refuse_response(method: str, data: object) -> None:
+    """Refuse a frequency response where a noise model is estimated, which it tells nothing of."""
+    if isinstance(data, FrequencyResponse):
+        raise SysidError(
+            f"{method} estimates a noise model, of which a frequency response tells nothing: expected IOData, or oe, "
+            "arx, tfest or fit_response of the response"
+        )
 
 
 def _simulation_estimate(
