@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sysid.continuous.path_response import TransferFunction, derivatives_of, respond, transients
+from sysid.continuous.sampled_starts import sampled_denominators
 from sysid.continuous.structures import PathStructure
 from sysid.polynomial.error_jacobian import orthonormal
 from sysid.polynomial.initial_estimates import interpolated
@@ -23,10 +24,9 @@ REFINEMENTS = 4  # steps of SRIVC from each
 SETTLED = 1e-3  # relative change of the errors at which SRIVC stops: the search goes on from there
 KEPT = 3  # estimates that go on, the best ones
 CONSTANT = np.array([0.0, 1.0])  # denominator s, whose free response is a constant
+SLOWEST, FASTEST = 1e-12, 1e6  # moduli of poles times dt, beyond which powers of them overflow
 LONGEST = 10_000  # samples of each experiment that initial estimates use
-NEGLIGIBLE = (
-    1e-13  # singular values of the instrumental-variable equations, relative to the largest, that count as zero
-)
+NEGLIGIBLE = 1e-13  # singular values of equations, and parts of responses, relative to the largest, that count as zero
 
 
 PathEstimate = tuple[TransferFunction, float]
@@ -76,8 +76,22 @@ class PathData:
         for u, y in zip(self.inputs, self.outputs, strict=True):
             filtered = derivatives_of(u, a, self.dt, self.intersample, delay)
             blocks.append(np.column_stack((filtered[:, : m + 1], y)))
-        b, cost = _least_squares(self.stacked(a, blocks))
+        energies = sum(np.sum(block[:, : m + 1] ** 2, axis=0) for block in blocks)
+        columns = self.stacked(a, blocks)
+        # an input that moves before the counted samples alone has died out there: no coefficient can be told
+        died_out = np.sum(columns[:, : m + 1] ** 2, axis=0) <= NEGLIGIBLE**2 * energies
+        columns[:, : m + 1][:, died_out] = 0.0
+        b, cost = _least_squares(columns)
         return TransferFunction(b, a, delay), cost
+
+    def experiments(self) -> list[IOData]:
+        """Records of the path, without their means where they have free constants."""
+        records = []
+        for u, y, first in zip(self.inputs, self.outputs, self.first, strict=True):
+            if any(len(denominator) == 2 and not denominator[0] for denominator in self.free):
+                u, y = u - u.mean(), y - y.mean()
+            records.append(IOData(u, y, self.dt, window=first))
+        return records
 
     def refined(self, path: TransferFunction, *, instruments: bool) -> FloatArray:
         """Next denominator of rising powers, monic and stable, by one step of SRIVC, or of least squares.
@@ -169,6 +183,10 @@ def _estimates_at(data: PathData, delays: Sequence[float] | FloatArray) -> list[
                 state_variables = TransferFunction(np.ones(1), a, float(delay))
                 a = data.refined(state_variables, instruments=False)
             candidates.append(_iterated(data, a, float(delay)))
+        # without a resonance the filters alone lead to the minimum, and an integrator is in no output-error estimate
+        if data.structure.resonates and not data.structure.integrators:
+            for a in sampled_denominators(data.experiments(), n, float(delay)):
+                candidates.append(_iterated(data, _stabilised(a, 0), float(delay)))
     return _best(candidates)[:KEPT]
 
 
@@ -187,13 +205,22 @@ def _iterated(data: PathData, a: FloatArray, delay: float) -> PathEstimate:
     latest = best
     for _ in range(REFINEMENTS):
         previous_cost = latest[1]
-        latest = data.numerator(data.refined(latest[0], instruments=True), delay)
+        a = data.refined(latest[0], instruments=True)
+        if not _resolved(a, data):
+            break
+        latest = data.numerator(a, delay)
         # SRIVC minimises no criterion: a step may make the errors larger
         if latest[1] < best[1]:
             best = latest
         if abs(previous_cost - latest[1]) <= SETTLED * previous_cost:
             break
     return best
+
+
+def _resolved(a: FloatArray, data: PathData) -> bool:
+    """Whether poles are neither too slow nor too fast for numbers of double precision at the sampling interval."""
+    moduli = np.abs(np.roots(a[data.structure.integrators :][::-1])) * data.dt
+    return bool(np.all((moduli > SLOWEST) & (moduli < FASTEST)))
 
 
 @dataclass(frozen=True, eq=False)

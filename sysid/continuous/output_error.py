@@ -10,7 +10,9 @@ import scipy
 
 from sysid.continuous.output_error_criterion import TIGHT, OutputError
 from sysid.continuous.output_error_search import OutputFit, lowest_minimum
+from sysid.continuous.stability_limit import MARGIN, distance_to_axis
 from sysid.continuous.structures import PathStructure, RealisePaths
+from sysid.continuous.unstable_plant import unstable_plant_messages
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.data_summary import DataSummary
@@ -27,6 +29,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 
+AT_THE_LIMIT = 4.0  # times the least distance of poles from the imaginary axis, within which they are at the limit
 LONGEST_DELAY = 30  # samples, the default limit on delays that are estimated
 
 
@@ -204,6 +207,7 @@ def _fit_messages(
                 "the input before the record is unknown (that it was held there does not agree with them): a smaller "
                 "max_delay, a record that begins earlier or initial_conditions='zero' uses them"
             )
+        messages += unstable_plant_messages(fit, output) or _edge_messages(fit, output)
         at_limits = _delay_messages(fit, realise.names[begin:end])
         messages += at_limits
         # a delay at its limit has no derivative, which makes the condition large by itself
@@ -211,6 +215,21 @@ def _fit_messages(
             messages.append(f"the parameters are poorly determined: condition number {condition:.2g} of the Jacobian")
         begin = end
     return messages
+
+
+def _edge_messages(fit: OutputFit, output: str) -> list[str]:
+    """Warning of poles that the search left at the imaginary axis."""
+    criterion = fit.criterion
+    limit = AT_THE_LIMIT * MARGIN / criterion.experiments[0].dt
+    distances = []
+    for structure, path in zip(criterion.structures, criterion.transfers(fit.minimum.at.theta), strict=True):
+        distances.append(distance_to_axis(path.a[structure.integrators :]))
+    if min(distances) > limit:
+        return []
+    return [
+        f"a pole of output {output} is at the edge of stability, undamped or unstable: intervals may be wrong; "
+        "armax(data, ...) and arx(data, ...) estimate unstable plants too"
+    ]
 
 
 def _delay_messages(fit: OutputFit, names: Sequence[str]) -> list[str]:

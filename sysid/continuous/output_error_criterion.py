@@ -3,22 +3,23 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from sysid.continuous.initial_estimates import CONSTANT, free_responses
 from sysid.continuous.path_response import PathResponse, TransferFunction, respond, respond_held, transient_slopes
-from sysid.continuous.structures import PathStructure
+from sysid.continuous.stability_limit import MARGIN, moved_inside, outward
+from sysid.continuous.structures import PathStructure, RationalPath
 from sysid.polynomial.error_jacobian import orthonormal
 from sysid.polynomial.least_squares import scaled_triangle
-from sysid.polynomial.prediction_error import Linearisation
+from sysid.polynomial.prediction_error import Linearisation, Minimum, levenberg_marquardt
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-MARGIN = 1e-9  # least distance of poles from the imaginary axis, times dt
 FASTEST = 1e4  # greatest modulus of a pole, times dt: samples do not show a faster one
+LARGEST = 1e30  # gain at the sampling rate: exponentials of larger ones overflow, where an input has died out before
 TIGHT = 1e-6  # part of a sample within which a delay is at its limit
 
 
@@ -46,6 +47,12 @@ class OutputError:
     def sizes(self) -> list[int]:
         """Ends of the parameters of each path."""
         return list(itertools.accumulate(len(structure.names) for structure in self.structures))
+
+    @cached_property
+    def energy(self) -> float:
+        """Sum of squares of the output that sets the level of rounding."""
+        # matrix exponentials of stiff systems round more than the filters of discrete-time models
+        return 1e4 * sum(float(np.nansum(e.y**2)) for e in self.experiments)
 
     def split(self, theta: FloatArray) -> list[FloatArray]:
         """Parameters of each path."""
@@ -76,13 +83,15 @@ class OutputError:
         paths = zip(self.structures, self.split(theta), strict=True)
         return [structure.transfer(values) for structure, values in paths]
 
-    def __call__(self, theta: FloatArray, _: FloatArray | None = None) -> Linearisation | None:
+    def __call__(self, theta: FloatArray, origin: FloatArray | None = None) -> Linearisation | None:
         """Criterion and first derivatives at parameters, delays moved to their limits; None where poles are unstable.
 
-        The search also passes the parameters before the step, which this criterion does not need.
+        After a step from `origin` unstable poles are moved inside, where the coefficients of A are the parameters.
         A delay at its limit with a gradient that points beyond is fixed there: its derivatives are zero.
         """
         theta = self._allowed(theta)
+        if origin is not None and np.isfinite(theta).all() and not self._stable(theta):
+            theta = self._moved_inside(theta, origin)
         if not (np.isfinite(theta).all() and self._stable(theta)):
             return None
         tables = [self.columns(e, theta) for e in self.experiments]
@@ -174,13 +183,55 @@ class OutputError:
             blocks.append(-by_coefficient @ structure.jacobian(values_of_path))
         return blocks
 
+    def _moved_inside(self, theta: FloatArray, origin: FloatArray) -> FloatArray:
+        """Parameters with the poles of rational paths moved inside after a step from `origin`."""
+        dt = self.experiments[0].dt
+        moved = []
+        for structure, values, before in zip(self.structures, self.split(theta), self.split(origin), strict=True):
+            if isinstance(structure, RationalPath):
+                path = structure.transfer(values)
+                inner = moved_inside(path.a, structure.transfer(before).a, dt)
+                values = structure.parameters(replace(path, a=inner))
+            moved.append(values)
+        return np.concatenate(moved)
+
+    def outward(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Directions in the parameters in which poles of rational paths leave the stable region, and their reach."""
+        rows: list[FloatArray] = [np.zeros((0, len(theta)))]
+        reach: list[FloatArray] = [np.zeros(0)]
+        begin = 0
+        for structure, values in zip(self.structures, self.split(theta), strict=True):
+            if isinstance(structure, RationalPath):
+                path = structure.transfer(values)
+                by_denominator, distances = outward(path.a, self.experiments[0].dt)
+                first = len(path.b)
+                slopes = structure.jacobian(values)[first : first + structure.poles]
+                table = np.zeros((len(distances), len(theta)))
+                table[:, begin : begin + len(values)] = by_denominator @ slopes
+                rows.append(table)
+                reach.append(distances)
+            begin += len(values)
+        return np.vstack(rows), np.concatenate(reach)
+
+    def minimum(self, start: Linearisation, max_iterations: int) -> Minimum:
+        """The minimum that a search from a linearisation leads to."""
+        return levenberg_marquardt(self, start, self.energy, outward=self.outward, max_iterations=max_iterations)
+
     def _stable(self, theta: FloatArray) -> bool:
-        """Whether all poles but integrators are left of the imaginary axis, and none too fast for samples to show."""
+        """Whether poles but integrators are left of the imaginary axis, and no number beyond what samples show."""
         dt = self.experiments[0].dt
         for structure, path in zip(self.structures, self.transfers(theta), strict=True):
             poles = np.roots(path.a[structure.integrators :][::-1])
+            if _gain_at_sampling_rate(path, dt) > LARGEST:
+                return False
             # a leading coefficient of zero: a pole at infinity
             vanished = len(poles) < structure.poles - structure.integrators
             if vanished or (np.abs(poles) * dt > FASTEST).any() or (poles.real * dt > -MARGIN).any():
                 return False
         return True
+
+
+def _gain_at_sampling_rate(path: TransferFunction, dt: float) -> float:
+    """Ratio of the sums of |b_i s^i| and |a_i s^i| at |s| = 1/dt."""
+    powers = dt ** -np.arange(float(len(path.a)))
+    return float(np.abs(path.b) @ powers[: len(path.b)] / (np.abs(path.a) @ powers))

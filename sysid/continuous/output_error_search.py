@@ -9,7 +9,7 @@ import numpy as np
 from sysid.continuous.initial_estimates import initial_estimates
 from sysid.continuous.output_error_criterion import TIGHT, OutputError
 from sysid.continuous.structures import enlarged
-from sysid.polynomial.prediction_error import SCREENING_STEPS, Linearisation, Minimum, levenberg_marquardt
+from sysid.polynomial.prediction_error import SCREENING_STEPS, Linearisation, Minimum
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
@@ -59,12 +59,6 @@ def lowest_minimum(criterion: OutputError, max_iterations: int) -> OutputFit:
     return _with_short_delays(criterion, fit, max_iterations)
 
 
-def _energy(criterion: OutputError) -> float:
-    """Sum of squares of the output that sets the level of rounding."""
-    # matrix exponentials of stiff systems round more than the filters of discrete-time models
-    return 1e4 * sum(float(np.nansum(e.y**2)) for e in criterion.experiments)
-
-
 def _moves_early(criterion: OutputError) -> bool:
     """Whether most of the movement of some input lies within the samples that do not count."""
     for j, structure in enumerate(criterion.structures):
@@ -81,7 +75,7 @@ def _moves_early(criterion: OutputError) -> bool:
 def _agrees(held: OutputFit, fit: OutputFit) -> bool:
     """Whether BIC prefers held inputs before the record to errors of any size in the samples that do not count."""
     with_all, without = held.minimum.at, fit.minimum.at
-    rounding = ROUNDING * _energy(held.criterion)
+    rounding = ROUNDING * held.criterion.energy
     ratio = max(with_all.cost, rounding) / max(without.cost, rounding)
     return with_all.errors * np.log(ratio) <= (with_all.errors - without.errors) * np.log(with_all.errors)
 
@@ -95,7 +89,7 @@ def _with_short_delays(criterion: OutputError, fit: OutputFit, max_iterations: i
     at = shorter(theta)
     if at is None:
         return replace(fit, criterion=shorter)
-    minimum = levenberg_marquardt(shorter, at, _energy(criterion), max_iterations=max_iterations)
+    minimum = shorter.minimum(at, max_iterations)
     at_limit = (minimum.at.theta[delays] >= shorter.longest - TIGHT * dt).any()
     if at_limit and shorter.longest < criterion.longest:
         # the limit is none of the caller's: the minimum of fewer samples stays
@@ -130,26 +124,22 @@ def _not_above_smaller(criterion: OutputError, best: Minimum, max_iterations: in
     at = criterion(theta)
     if at is None:
         return best
-    larger = levenberg_marquardt(criterion, at, _energy(criterion), max_iterations=max_iterations)
+    larger = criterion.minimum(at, max_iterations)
     return min(best, _hopped(criterion, larger, max_iterations), key=_cost)
 
 
 def _polished(criterion: OutputError, starts: Sequence[FloatArray], max_iterations: int) -> Minimum:
     """The lowest minimum from initial estimates, each screened by a few steps."""
-    energy = _energy(criterion)
     screened = []
     for start in starts:
         at = criterion(start)
         if at is not None:
-            screened.append(levenberg_marquardt(criterion, at, energy, max_iterations=2 * SCREENING_STEPS))
+            screened.append(criterion.minimum(at, 2 * SCREENING_STEPS))
     if not screened:
         raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
     screened.sort(key=_cost)
     # the best after a few steps is not always the best in the end
-    finished = [
-        levenberg_marquardt(criterion, minimum.at, energy, max_iterations=max_iterations)
-        for minimum in screened[:POLISHED]
-    ]
+    finished = [criterion.minimum(minimum.at, max_iterations) for minimum in screened[:POLISHED]]
     return min(finished, key=_cost)
 
 
@@ -182,7 +172,7 @@ def _hopped(criterion: OutputError, best: Minimum, max_iterations: int) -> Minim
             for middle in sorted(middles):
                 at = _at_delay(criterion, best.at.theta, k, middle)
                 if at is not None:
-                    candidate = levenberg_marquardt(criterion, at, _energy(criterion), max_iterations=max_iterations)
+                    candidate = criterion.minimum(at, max_iterations)
                     best = min(best, candidate, key=_cost)
             if best.at.cost >= cost_before:
                 break

@@ -42,6 +42,11 @@ class RationalPath:
         return 0
 
     @property
+    def resonates(self) -> bool:
+        """Whether poles may be complex."""
+        return self.poles > 1
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Letters b and a with the power of s, and Td."""
         numerator = [f"b{i}" for i in range(self.zeros, -1, -1)]
@@ -118,6 +123,11 @@ class ProcessPath:
     def integrators(self) -> int:
         """1 for an integrator, else 0."""
         return int("I" in self.kind)
+
+    @property
+    def resonates(self) -> bool:
+        """Whether poles may be complex."""
+        return "U" in self.kind
 
     @property
     def lags(self) -> int:

@@ -73,6 +73,8 @@ def _fill_with_conditional_means(model: LongArx, experiment: IOData, filled: IOD
 HANKEL_ROWS = 100  # of the pulse responses: enough for slow poles, and an eigenproblem of this size is fast
 REFINEMENTS = 8  # limit on the Steiglitz-McBride iterations
 SETTLED = 1e-3  # relative change of the denominator at which they end
+DAMPED = 0.995  # largest modulus of poles in filters: their responses die out, and errors of estimates with them
+LIGHTLY_DAMPED = 1.0 - 1e-6  # the same of estimates that keep resonances which last as long as the record
 
 
 def initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Iterator[InitialEstimate]:
@@ -142,6 +144,32 @@ def oe_initial_estimates(experiments: Sequence[IOData], orders: Orders) -> Itera
     yield InitialEstimate(f"Steiglitz-McBride of simulated ARX ({n})", refined)
     yield InitialEstimate(f"simulated ARX ({n})", simulated)
     yield InitialEstimate("arx", steiglitz_mcbride(experiments, orders, y, 0))
+    yield from lightly_damped_estimates(experiments, orders, model)
+
+
+def lightly_damped_estimates(
+    experiments: Sequence[IOData], orders: Orders, model: LongArx
+) -> Iterator[InitialEstimate]:
+    """OE with poles next to the unit circle: a long ARX model reduced, Steiglitz-McBride from it and from ARX.
+
+    The other estimates damp such poles. From there a search does not find a resonance that lasts thousands of samples:
+    the phase of its response has a minimum of the criterion at every turn.
+    """
+    y = [e.y[:, 0] for e in experiments]
+    reduced = reduced_path(experiments, orders, model, LIGHTLY_DAMPED)
+    estimates = {
+        "reduced ARX": reduced,
+        "Steiglitz-McBride from reduced ARX": steiglitz_mcbride(
+            experiments, orders, y, REFINEMENTS, reduced, LIGHTLY_DAMPED
+        ),
+        "Steiglitz-McBride from arx": steiglitz_mcbride(experiments, orders, y, REFINEMENTS, radius=LIGHTLY_DAMPED),
+        "arx": steiglitz_mcbride(experiments, orders, y, 0, radius=LIGHTLY_DAMPED),
+    }
+    for name, theta in estimates.items():
+        _, _, _, _, f = orders.split(theta)
+        # without poles beyond the other limit the estimate is one of the others
+        if any(np.abs(np.roots(fj)).max(initial=0.0) > DAMPED for fj in f):
+            yield InitialEstimate(f"{name}, lightly damped", theta)
 
 
 def hannan_rissanen(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
@@ -181,10 +209,12 @@ def steiglitz_mcbride(
     y: Sequence[FloatArray],
     iterations: int,
     first: FloatArray | None = None,
+    radius: float = DAMPED,
 ) -> FloatArray:
     """Repeated least squares on data filtered by 1/F [SteiglitzMcBride1965]; several inputs share one F.
 
-    `first` are parameters whose F filters in the first iteration; None starts with ARX.
+    `first` are parameters whose F filters in the first iteration; None starts with ARX. No root of F has a modulus
+    beyond `radius`.
     """
     nf = max(orders.nf)
     u = [e.u for e in experiments]
@@ -202,7 +232,7 @@ def steiglitz_mcbride(
         else:
             filtered_y, filtered_u = list(y), u
         theta = arx_solution(filtered_y, filtered_u, nf, orders.nb, orders.nk, starts)
-        f = stabilised(np.concatenate(([1.0], theta[:nf])))
+        f = stabilised(np.concatenate(([1.0], theta[:nf])), radius)
         if len(last_f) == len(f) and np.abs(f - last_f).max() <= SETTLED * np.abs(f).max():
             break
     return orders.join(np.ones(1), _split_numerators(orders, theta[nf:]), f=[_cut_denominator(f, n) for n in orders.nf])
@@ -213,14 +243,17 @@ def _cut_denominator(f: FloatArray, degree: int) -> FloatArray:
     return f if degree == len(f) - 1 else stabilised(f[: degree + 1])
 
 
-def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:
-    """OE: F from the pulse responses of a long ARX model, path by path; then B by least squares on the data."""
+def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx, radius: float = DAMPED) -> FloatArray:
+    """OE: F from the pulse responses of a long ARX model, path by path; then B by least squares on the data.
+
+    No root of F has a modulus beyond `radius`.
+    """
     rows = _hankel_rows(experiments, orders)
-    *responses, _ = model.responses(2 * rows + max(orders.nk) + max(orders.nb))
+    *responses, _ = model.responses(2 * rows + max(orders.nk) + max(orders.nb), radius)
     f = []
     for response, nb, nk, nf in zip(responses, orders.nb, orders.nk, orders.nf, strict=True):
         # after the last coefficient of B the response obeys the recursion by F
-        f.append(reduced_denominator([response[max(nk + nb - nf, 1) :]], nf, rows))
+        f.append(reduced_denominator([response[max(nk + nb - nf, 1) :]], nf, rows, radius))
     blocks, targets = [], []
     for e in experiments:
         start = orders.first_row(e.window)
@@ -234,7 +267,7 @@ def reduced_path(experiments: Sequence[IOData], orders: Orders, model: LongArx) 
     return orders.join(np.ones(1), _split_numerators(orders, theta), f=f)
 
 
-def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) -> FloatArray:
+def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int, radius: float = DAMPED) -> FloatArray:
     """Stable denominator shared by pulse responses, from their Hankel matrices [JuangPappa1985].
 
     Each response (2 rows,) or longer starts where its recursion holds.
@@ -249,7 +282,7 @@ def reduced_denominator(responses: Sequence[FloatArray], order: int, rows: int) 
     _, vectors = np.linalg.eigh(square)
     observability = vectors[:, -order:]
     dynamics, *_ = np.linalg.lstsq(observability[:-1], observability[1:], rcond=None)
-    return stabilised(np.atleast_1d(np.poly(np.linalg.eigvals(dynamics)).real))
+    return stabilised(np.atleast_1d(np.poly(np.linalg.eigvals(dynamics)).real), radius)
 
 
 def _reduced_armax(experiments: Sequence[IOData], orders: Orders, model: LongArx) -> FloatArray:

@@ -50,9 +50,9 @@ class LongArx:
             output = output + scipy.signal.lfilter(bj, stable, experiment.u[:, j])
         return output
 
-    def responses(self, length: int) -> list[FloatArray]:
-        """Pulse responses B/A per input and 1/A, the model stabilised (length,) each."""
-        stable = stabilised(self.a)
+    def responses(self, length: int, radius: float = 0.995) -> list[FloatArray]:
+        """Pulse responses B/A per input and 1/A, all poles moved within `radius` (length,) each."""
+        stable = stabilised(self.a, radius)
         pulse = np.zeros(length)
         pulse[0] = 1.0
         numerators = (*self.b, np.ones(1))

@@ -179,4 +179,7 @@ def constrained_step(
         # not converged: the caller moves poles beyond the limit back
         return free
     remainder = 1.0 - excess / size @ forces
+    if not remainder > 0.0:
+        # limits that contradict each other within rounding: the caller moves poles beyond the limit back
+        return free
     return np.asarray(free + size * (normals.T @ forces) / remainder / root)

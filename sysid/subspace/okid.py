@@ -30,6 +30,7 @@ CHECKED = 800  # samples of each experiment whose fit is checked: as informative
 WORTHLESS = -5.0  # fit in simulation, percent; below 0, since strong noise may make a good fit slightly negative
 LARGEST_HANKEL = 2.5e7  # entries of the Hankel matrix, 200 MB
 N4SID_ADVICE = " or n4sid(data, order, stable=True)"  # the advice that names a call in Python
+LARGEST_MARKOV = 1e120  # magnitude: products of larger ones overflow
 AMPLE = 8  # samples per coefficient above which a larger p can help an unstable model
 LARGEST_COVARIANCE = 4000  # observer parameters with a covariance, 128 MB: intervals of more would take many minutes
 
@@ -222,7 +223,10 @@ def okid(
         deadbeat=deadbeat,
     )
     theta = fit.solution.T.ravel()
-    system_markov, gain_markov = realise.markov(theta)
+    # those of an unstable model grow from lag to lag
+    with np.errstate(over="ignore", invalid="ignore"):
+        system_markov, gain_markov = realise.markov(theta)
+    _check_markov_parameters(system_markov, gain_markov)
     realised, rank_messages = _realised_with_messages(realise, system_markov)
     messages += rank_messages
     # perturbed parameters must not be realised at another order than the estimate
@@ -238,6 +242,16 @@ def okid(
         "warnings": tuple(messages),
     }
     return _make_estimate(model, experiments, regression, fit, realise, int(order), diagnostics)
+
+
+def _check_markov_parameters(*sequences: FloatArray) -> None:
+    """Refuse Markov parameters that overflow when squared, as their Hankel matrix is."""
+    for sequence in sequences:
+        if not (np.abs(sequence) < LARGEST_MARKOV).all():
+            raise SysidError(
+                "the Markov parameters overflow, as those of a model that is far from stable: expected a smaller p, "
+                "more samples, or inputs that excite more"
+            )
 
 
 def _realised_with_messages(realise: Realise, system_markov: FloatArray) -> tuple[Realisation, list[str]]:

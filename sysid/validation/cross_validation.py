@@ -110,7 +110,11 @@ def cross_validate(
 def _deviation(fits: FloatArray) -> FloatArray:
     """Standard deviation of the fits to the parts (parts, ny), per output; infinite where one of them overflows."""
     finite = np.isfinite(fits)
-    deviation = np.where(finite, fits, 0.0).std(axis=0, ddof=1)
+    known = np.where(finite, fits, 0.0)
+    # the squares of simulations by unstable models overflow before the fits do
+    # a power of two rounds nothing
+    scale = np.exp2(np.frexp(np.maximum(np.abs(known).max(axis=0), 1.0))[1])
+    deviation = scale * (known / scale).std(axis=0, ddof=1)
     return np.where(finite.all(axis=0), deviation, np.inf)
 
 

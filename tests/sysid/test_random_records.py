@@ -24,7 +24,19 @@ def test_small_random_records():
     assert _failures(range(60), calls_each=2) == {}
 
 
-@pytest.mark.parametrize(("seed", "name"), [(1211, "polyest"), (1314, "arma"), (1352, "cross_validate")])
+@pytest.mark.parametrize(
+    ("seed", "name"),
+    [
+        (1211, "polyest"),
+        (1314, "arma"),
+        (1352, "cross_validate"),
+        (1373, "polyest"),
+        (1378, "cross_validate"),
+        (1446, "okid"),
+        (2204, "procest"),
+        (2204, "tfest"),
+    ],
+)
 def test_records_that_once_ended_in_other_errors(seed, name):
     rng = np.random.default_rng(seed)
     record, calls = random_record(rng), random_calls(rng)
