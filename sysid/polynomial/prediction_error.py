@@ -374,6 +374,7 @@ def search(
     thorough: bool = True,
     max_iterations: int = 100,
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
+    tolerance: float = CONVERGED,
 ) -> Search:
     """Refine initial estimates by a few steps until two agree, then the best to the minimum; if that is slow, all.
 
@@ -389,11 +390,12 @@ def search(
         thorough: Whether other initial estimates than the best one are refined too.
         max_iterations: Limit on the steps of every search.
         initial_conditions: Assumption about the time before each experiment.
+        tolerance: Remaining decrease, relative to the sum of squares, at which a minimum counts as reached.
 
     Raises:
         SysidError: C, D or F of every initial estimate has a root at the unit circle or beyond.
     """
-    refine = Refinement(experiments, orders, max_iterations, initial_conditions)
+    refine = Refinement(experiments, orders, max_iterations, initial_conditions, tolerance)
     first = [] if start is None else [start]
     candidates = chain(first, initial_estimates(orders))
     remaining = (candidate for candidate in candidates if admissible(orders, candidate.theta))
@@ -518,12 +520,14 @@ class Refinement:
         orders: The structure.
         max_iterations: Limit on the steps.
         initial_conditions: Assumption about the time before each experiment.
+        tolerance: Remaining decrease, relative to the sum of squares, at which a minimum counts as reached.
     """
 
     experiments: Sequence[IOData]
     orders: Orders
     max_iterations: int
     initial_conditions: InitialConditions
+    tolerance: float = CONVERGED
 
     @property
     def samples(self) -> int:
@@ -536,7 +540,7 @@ class Refinement:
         """Minimise in at most so many steps, or until a cost is reached that is good enough."""
         limit = self.max_iterations if steps is None else min(steps, self.max_iterations)
         theta = origin.theta if isinstance(origin, Linearisation) else origin
-        key = (self._record, self.orders, theta.tobytes(), limit, self.initial_conditions, good_enough)
+        key = (self._record, self.orders, theta.tobytes(), limit, self.initial_conditions, good_enough, self.tolerance)
         compute = partial(
             minimise,
             self.experiments,
@@ -545,6 +549,7 @@ class Refinement:
             max_iterations=limit,
             initial_conditions=self.initial_conditions,
             good_enough=good_enough,
+            tolerance=self.tolerance,
         )
         return RECENT_MINIMA.get(key, compute)
 

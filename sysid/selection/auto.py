@@ -41,6 +41,8 @@ INTERCHANGED = "; nothing shows that it acts on them: are input and output inter
 LEVEL = 0.01  # p-value below which an input counts as fed back
 STRETCHES = 2  # parts of a long experiment on which candidates are compared, spread over it
 TRIED = 5  # best candidates of which one may turn out unstable
+HIGH_ORDER = 20  # of the autoregressive model that shows a nonlinearity before the search
+NONLINEAR_LARGEST = 5  # order that is tried beside a nonlinearity, which buys any order
 FEW = 5  # samples per parameter below which chance decides between candidates
 
 DIRECT = "a direct term, which would be that of the controller"
@@ -159,8 +161,11 @@ def auto(
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
     direct = truth_value("direct", direct)
     trends = _trends(experiments, offset, trend)
-    search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names, trends)
     without_trend = _without_trend(experiments, trends[0])
+    is_nonlinear = not validation_data and _is_nonlinear(without_trend)
+    if is_nonlinear:
+        largest = min(largest, NONLINEAR_LARGEST)
+    search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names, trends)
     delays, p = tuple[int, ...](), _feedback_p(without_trend)
     open_delay = ""
     fed_back = p < LEVEL
@@ -256,6 +261,18 @@ class Objection(Enum):
     """They depend on the input."""
     NONLINEAR = auto_value()
     """They depend on it nonlinearly, so much that it matters."""
+
+
+def _is_nonlinear(experiments: Experiments) -> bool:
+    """Whether an autoregressive model of high order leaves residuals that depend nonlinearly on the input."""
+    if experiments[0].ny > 1:
+        return False
+    parts = complete_parts(experiments)
+    with warnings.catch_warnings(), suppress(SysidError):
+        warnings.simplefilter("ignore", SysidWarning)
+        test = nonlinearity(arx(parts, HIGH_ORDER, HIGH_ORDER, 1), parts, named=False)
+        return test is not None and bool(test.material.any())
+    return False
 
 
 def _objection(best: Candidate, estimate: Estimate, experiments: Experiments, fed_back: bool) -> Objection:

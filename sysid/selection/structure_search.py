@@ -49,6 +49,7 @@ LOW, PLAINEST = 3, "oe"  # orders of the method that climbs from the shortest de
 NEAR = 30.0  # EBIC above the best up to which a family is refined: some five superfluous parameters
 REFINED = 8  # rounds of changes of single orders, at most
 STEPS = 15  # iterations of a candidate, at most: those that are far too large take the most, and are not chosen
+UNTOLD = 0.02  # decrease of the criterion that a candidate may still have before it
 STARTS = 2  # initial estimates of its own that a candidate may have, beside the nearest fits
 FILLING = 4  # orders on which the length of the ARX model that fills gaps depends
 FINER = 1e-3  # loss, relative to the variance of rounding, that no rounded record has
@@ -377,6 +378,7 @@ class StructureSearch:
                 smaller_too=False,
                 thorough=False,
                 max_iterations=STEPS,
+                tolerance=UNTOLD / self.samples,
             ).best
         except SysidError as error:
             self.failed.append(f"{orders}: {error}")
