@@ -71,4 +71,4 @@ def test_beside_friction_the_smallest_model_that_simulates_as_well_is_chosen(see
     assert choice.estimate.model.input_path().order <= 5
     of_orders = [oe(to_fit, n, n, 1) for n in range(1, 9)]
     (chosen, *others) = compare([choice.estimate, *of_orders], held_out)
-    assert chosen.simulation[0] >= max(fit.simulation[0] for fit in others) - 0.4
+    assert chosen.simulation[0] >= max(fit.simulation[0] for fit in others) - 0.5
