@@ -177,7 +177,7 @@ class ProfileSearch:
 
     def __init__(self, records: tuple[IOData, ...], largest: int, level: float) -> None:
         self.records, self.largest = records, largest
-        self.samples = sum(len(e) - e.window for e in records)
+        self.errors = sum(len(e) - e.window for e in records)
         y = [e.y[e.window :, 0] for e in records]
         self.power = float(np.mean(np.concatenate([signal - signal.mean() for signal in y]) ** 2))
         # of -2 log likelihood, above the best
@@ -197,16 +197,20 @@ class ProfileSearch:
 
         A further coefficient of B, which any shorter delay has for nothing, pays as in BIC.
         """
-        poles, nb, _ = key
         at = self.fits[key]
         loss = max(at.cost / at.errors, EXACT * self.power)
+        return float(at.errors * np.log(loss)) + self._price(key)
+
+    def _price(self, key: Structure) -> float:
+        """What the parameters of a structure cost in its deviance."""
+        poles, nb, _ = key
         further = nb - max(poles, 1)
-        return float(at.errors * np.log(loss) + PRICE * poles + further * np.log(at.errors))
+        return float(PRICE * poles + further * np.log(self.errors))
 
     def without_input(self) -> float:
         """BIC of a constant alone, one for each experiment."""
         count = len(self.records)
-        return float(self.samples * np.log(self.power) + count * np.log(self.samples))
+        return float(self.errors * np.log(self.power) + count * np.log(self.errors))
 
     def best_poles(self) -> int:
         """Poles of the best model so far."""
@@ -254,7 +258,13 @@ class ProfileSearch:
         while nk != end and self._is_near((poles, nb, nk)) and not self._is_allowed(end):
             f = _denominator(self.fits[poles, nb, nk].theta, poles)
             nk += step
-            self._improve((poles, nb, nk), self._with_denominator(f, nb, nk), STEPS)
+            key = poles, nb, nk
+            self._improve(key, self._with_denominator(f, nb, nk), STEPS, self._allowed_cost(key))
+
+    def _allowed_cost(self, key: Structure) -> float:
+        """Cost of a structure at which it is in the interval: no lower one says more."""
+        left = self.deviance(self._lowest[1]) + self._rejection - self._price(key)
+        return float(self.errors * np.exp(left / self.errors))
 
     def _is_allowed(self, nk: int) -> bool:
         """Whether some model with a delay is in the interval already, beyond which nothing is left to try."""
@@ -315,9 +325,16 @@ class ProfileSearch:
         """The errors as a function of B alone, at B = 0."""
         return linearise(self.records, _orders(len(f) - 1, nb, nk), np.concatenate((np.zeros(nb), f[1:])))
 
-    def _improve(self, key: Structure, theta: FloatArray, steps: int) -> None:
-        """Search from a start, and keep what is lower than the fit of the same structure."""
-        at = minimise(self.records, _orders(*key), theta, max_iterations=steps, tolerance=SETTLED / self.samples).at
+    def _improve(self, key: Structure, theta: FloatArray, steps: int, good_enough: float = 0.0) -> None:
+        """Search from a start to a cost that is good enough, and keep what is lower than the fit of this structure."""
+        at = minimise(
+            self.records,
+            _orders(*key),
+            theta,
+            max_iterations=steps,
+            good_enough=good_enough,
+            tolerance=SETTLED / self.errors,
+        ).at
         if key in self.fits and self.fits[key].cost <= at.cost:
             return
         self.fits[key] = at

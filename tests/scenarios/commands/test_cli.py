@@ -157,7 +157,11 @@ def test_wrong_orders(complaint, csv):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("dt,u,y\n" + "0.1,1,2\n" * 50, "constant"),
+        ("dt,u,y\n" + "0.1,1,2\n" * 50, "put a row of rest in front"),
+        (
+            "dt,u,y\n" + "0.1,0,2\n0.1,0,3\n" * 50,
+            "the input 'u' is constant at 0; expected one that moves in 100 samples",
+        ),
         ("dt,u,y\n" + "1,1,2\n1,-1,3\n" * 50 + "1,nan,1\n", "NaN"),
         ("dt,u,y\n" + "1,1,2\n1,-1,3\n" * 50 + "1,1,\n", "NaN"),
         ("a,b\n1,2\n", "unknown column 'u'"),
