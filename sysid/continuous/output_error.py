@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import scipy
+from numpy.typing import ArrayLike
 
 from sysid.continuous.output_error_criterion import TIGHT, OutputError
 from sysid.continuous.output_error_search import OutputFit, lowest_minimum
@@ -24,7 +25,7 @@ from sysid.polynomial.offset_test import LONGEST, REFINEMENTS, constant_messages
 from sysid.polynomial.outliers import outlier_messages
 from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
 from sysid.polynomial.prediction_error import coloured_information, levenberg_marquardt
-from sysid.records.arguments import real_number, truth_value, whole_number
+from sysid.records.arguments import real_number, shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
@@ -44,6 +45,7 @@ def output_error_estimate(
     coloured: bool,
     initial_conditions: InitialConditions | str,
     offset: bool,
+    start: ArrayLike | None = None,
 ) -> ContinuousEstimate:
     """Check the data, fit output by output, and return the estimate.
 
@@ -65,12 +67,13 @@ def output_error_estimate(
     rows = structures_of(experiments[0].ny, experiments[0].nu)
     _check_structures([structure for row in rows for structure in row], experiments, free, offset)
     messages = _excitation_messages(experiments, rows, free=free, offset=offset)
+    starts = _starts_of_outputs(start, rows)
     fits = []
     for i, row in enumerate(rows):
         single = [e.select(outputs=[i]) for e in experiments]
         criterion = OutputError(single, row, max_delay, free, offset)
         _check_enough(criterion)
-        fits.append(lowest_minimum(criterion, max_iterations))
+        fits.append(lowest_minimum(criterion, max_iterations, starts[i]))
     theta = np.concatenate([fit.minimum.at.theta for fit in fits])
     covariance, noise, condition = _covariances(fits, coloured)
     levels = [fit.offsets() for fit in fits] if offset else []
@@ -100,6 +103,17 @@ def output_error_estimate(
         realise=sampled,
         realise_continuous=realise,
     )
+
+
+def _starts_of_outputs(start: ArrayLike | None, rows: tuple[tuple[PathStructure, ...], ...]) -> list[FloatArray | None]:
+    """Parameters of each output at which its search begins; None where it finds its own."""
+    if start is None:
+        return [None] * len(rows)
+    counts = [sum(len(structure.names) for structure in row) for row in rows]
+    theta = np.asarray(start, dtype=float)
+    if theta.shape != (sum(counts),) or not np.isfinite(theta).all():
+        raise SysidError(f"start: expected the {sum(counts)} parameters of the structure, got {shown(start)}")
+    return list(np.split(theta, np.cumsum(counts)[:-1]))
 
 
 def _missing_constant(fit: OutputFit) -> list[str]:

@@ -16,6 +16,7 @@ from sysid.records.errors import SysidError
 REACH = 3  # samples by which a delay may grow from its initial estimate before the search starts again
 POLISHED = 2  # of the screened initial estimates, the best, from which the search runs to the end
 EARLY = 0.5  # share of the input's movement, by its squared steps, from which on it is lost with the first samples
+HOPS = 3  # intervals to each side that a quick search tries
 ROUNDING = 1e-26  # sum of squared errors, relative to that of the output, below which rounding decides
 
 
@@ -41,17 +42,19 @@ class OutputFit:
         return [self.criterion.columns(e, theta)[2] for e in self.criterion.experiments]
 
 
-def lowest_minimum(criterion: OutputError, max_iterations: int) -> OutputFit:
-    """The lowest minimum from several initial estimates.
+def lowest_minimum(criterion: OutputError, max_iterations: int, start: FloatArray | None = None) -> OutputFit:
+    """The lowest minimum from several initial estimates, or the one that is reached from a start (p,).
 
     Where the input is not known before the record, the first samples up to the longest delay do not count: the input
     of a step test may move there alone. Then it is taken as held at its first value before, unless the errors of those
     samples say otherwise.
     """
+    if start is not None:
+        return _minimum_from(criterion, start, max_iterations)
     fit = _with_smaller_models(criterion, max_iterations)
     if not (criterion.delays() and criterion.free):
         return fit
-    if _moves_early(criterion):
+    if moves_early(criterion):
         held = _with_smaller_models(replace(criterion, held=True), max_iterations, [fit.minimum.at.theta])
         if _agrees(held, fit):
             return held
@@ -59,7 +62,22 @@ def lowest_minimum(criterion: OutputError, max_iterations: int) -> OutputFit:
     return _with_short_delays(criterion, fit, max_iterations)
 
 
-def _moves_early(criterion: OutputError) -> bool:
+def _minimum_from(criterion: OutputError, start: FloatArray, max_iterations: int) -> OutputFit:
+    """The minimum that is reached from a start; see `lowest_minimum`."""
+    limited, delays = criterion, criterion.delays()
+    has_free_delay = bool(delays) and criterion.free
+    if has_free_delay:
+        reach = float(start[delays].max()) + REACH * criterion.experiments[0].dt
+        limited = replace(criterion, longest=min(reach, criterion.longest))
+    fit = OutputFit(limited, _polished(limited, [start], max_iterations), 1)
+    if has_free_delay and moves_early(criterion):
+        of_held = replace(criterion, held=True)
+        held = OutputFit(of_held, _polished(of_held, [start], max_iterations), 1)
+        return held if _agrees(held, fit) else replace(fit, early=True)
+    return fit
+
+
+def moves_early(criterion: OutputError) -> bool:
     """Whether most of the movement of some input lies within the samples that do not count."""
     for j, structure in enumerate(criterion.structures):
         lost = total = 0.0
@@ -78,6 +96,42 @@ def _agrees(held: OutputFit, fit: OutputFit) -> bool:
     rounding = ROUNDING * held.criterion.energy
     ratio = max(with_all.cost, rounding) / max(without.cost, rounding)
     return with_all.errors * np.log(ratio) <= (with_all.errors - without.errors) * np.log(with_all.errors)
+
+
+def quick_minimum(criterion: OutputError, starts: Sequence[FloatArray], steps: int) -> Minimum:
+    """A low minimum in few steps, for one of many structures: from the best start, at delays in the intervals around.
+
+    Raises:
+        SysidError: No start is stable.
+    """
+    screened = []
+    for start in starts:
+        at = criterion(start)
+        if at is not None:
+            screened.append(criterion.minimum(at, SCREENING_STEPS))
+    if not screened:
+        raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
+    best = criterion.minimum(min(screened, key=_cost).at, steps)
+    for k in criterion.delays():
+        best = _nearby(criterion, best, k, steps)
+    return best
+
+
+def _nearby(criterion: OutputError, best: Minimum, k: int, steps: int) -> Minimum:
+    """A minimum, or a lower one with the delay of parameter k in one of the sampling intervals around."""
+    dt = criterion.experiments[0].dt
+    cell = math.ceil(best.at.theta[k] / dt - TIGHT)
+    for direction in (-1, 1):
+        for hop in range(1, HOPS + 1):
+            at = _at_delay(criterion, best.at.theta, k, (cell + direction * hop - 0.5) * dt)
+            if at is None:
+                break
+            hopped = criterion.minimum(at, SCREENING_STEPS)
+            # delay and lags change places slowly: as far as the errors fall
+            if hopped.at.cost >= best.at.cost:
+                break
+            best = hopped
+    return criterion.minimum(best.at, steps)
 
 
 def _with_short_delays(criterion: OutputError, fit: OutputFit, max_iterations: int) -> OutputFit:

@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from numpy.typing import ArrayLike
+
 from sysid.continuous.output_error import output_error_estimate
 from sysid.continuous.structures import PathStructure, ProcessPath, per_path
 from sysid.models.continuous_estimate import ContinuousEstimate
@@ -18,6 +20,7 @@ def procest(
     coloured: bool = True,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
     offset: bool = False,
+    start: ArrayLike | None = None,
 ) -> ContinuousEstimate:
     """Fit Kp (1 + Tz s) exp(-Td s) / (s (1 + Tp1 s) (1 + Tp2 s) (1 + Tp3 s)) by maximum likelihood, as `tfest` does.
 
@@ -38,6 +41,8 @@ def procest(
             "input_before") if BIC prefers that.
         offset: Whether every output of every experiment has an unknown constant beside the response of the model; it
             becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
+        start: Parameters near the answer (p,), in the sequence of their names, as `parameters` of an estimate of this
+            structure; the search begins there alone. None finds its own starts.
 
     Returns:
         The estimate; parameters Kp, Tp1 ... or Tw, Zeta, Tp3, then Tz and Td, times in s. Real time constants fall
@@ -66,4 +71,5 @@ def procest(
         coloured=coloured,
         initial_conditions=initial_conditions,
         offset=offset,
+        start=start,
     )

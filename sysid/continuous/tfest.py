@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import Any, cast
 
+from numpy.typing import ArrayLike
+
 from sysid.continuous.fit_response import fit_response
 from sysid.continuous.output_error import output_error_estimate
 from sysid.continuous.structures import PerPath, RationalPath, per_path
@@ -27,6 +29,7 @@ def tfest(
     coloured: bool = True,
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
     offset: bool = False,
+    start: ArrayLike | None = None,
 ) -> ContinuousEstimate:
     """Fit y = sum_j exp(-s Td_j) B_j(s)/A_j(s) u_j + e, e white at the samples, by maximum likelihood.
 
@@ -57,6 +60,8 @@ def tfest(
             "input_before") if BIC prefers that.
         offset: Whether every output of every experiment has an unknown constant beside the response of the model; it
             becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
+        start: Parameters near the answer (p,), in the sequence of their names, as `parameters` of an estimate of this
+            structure; the search begins there alone. None finds its own starts.
 
     Returns:
         The estimate; parameters b1, b0, a1, a0 ... by power of s, and Td. `continuous` is the model, `damp` gives its
@@ -75,7 +80,7 @@ def tfest(
         return _structures(*tables)
 
     if isinstance(data, FrequencyResponse):
-        _refuse_options_of_records(max_delay, coloured, initial_conditions, offset)
+        _refuse_options_of_records(max_delay, coloured, initial_conditions, offset or start is not None)
         rows = structures(*data.response.shape[1:])
         return _fit_to_response(data, rows, max_iterations)
     # what the estimate reports: with tables of poles the default has no single number
@@ -92,6 +97,7 @@ def tfest(
         coloured=coloured,
         initial_conditions=initial_conditions,
         offset=offset,
+        start=start,
     )
 
 

@@ -52,5 +52,9 @@ def _crossing(channel: Responding, level: float, lower: float, upper: float) -> 
     def excess(f: float) -> float:
         return float(abs(channel.frequency_response(f)[0, 0, 0]) - level)
 
+    at_lower, at_upper = excess(lower), excess(upper)
+    # a path alone rounds otherwise than in the whole response: a crossing at a bound may then lie on neither side
+    if at_lower * at_upper > 0.0:
+        return lower if abs(at_lower) < abs(at_upper) else upper
     # nearly exact: the delta method takes differences between close models, which a tolerance would hide
     return float(scipy.optimize.brentq(excess, lower, upper, xtol=1e-14 * upper, rtol=1e-13))

@@ -165,7 +165,7 @@ def auto(
     is_nonlinear = not validation_data and _is_nonlinear(without_trend)
     if is_nonlinear:
         largest = min(largest, NONLINEAR_LARGEST)
-    search = StructureSearch(_stretches(experiments, longest), validation_data, largest, names, trends)
+    search = StructureSearch(stretches(experiments, longest), validation_data, largest, names, trends)
     delays, p = tuple[int, ...](), _feedback_p(without_trend)
     open_delay = ""
     fed_back = p < LEVEL
@@ -503,7 +503,7 @@ def _reason(search: StructureSearch, ranked: tuple[Candidate, ...], delays: tupl
     return reason
 
 
-def _stretches(experiments: Experiments, longest: int) -> Experiments:
+def stretches(experiments: Experiments, longest: int) -> Experiments:
     """At most `longest` samples or so: stretches spread over each experiment, of as many experiments as that needs."""
     total = sum(map(len, experiments))
     if total <= longest:

@@ -523,7 +523,7 @@ class StructureSearch:
                 continue
             gains.append(np.abs(model.dc_gain()).ravel())
             bandwidths.append(model.bandwidth().ravel())
-        return _largest_ratio(gains), _largest_ratio(bandwidths)
+        return largest_ratio(gains), largest_ratio(bandwidths)
 
     def polynomials_of(self, candidate: Candidate) -> Polynomials | None:
         """Model of a candidate with one output as far as the search refined it."""
@@ -556,7 +556,7 @@ class StructureSearch:
         return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
 
 
-def _largest_ratio(values: Sequence[FloatArray]) -> float:
+def largest_ratio(values: Sequence[FloatArray]) -> float:
     """Largest ratio, 1 or more, of positive values (nu,) to the first of them; what is not finite is left out."""
     largest = 1.0
     for other in values[1:]:

@@ -1,0 +1,522 @@
+"""Choice of the structure of continuous-time models: poles, zeros, delay, and the factors of process models."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.continuous import procest, tfest
+from sysid.continuous.initial_estimates import initial_estimates
+from sysid.continuous.output_error import LONGEST_DELAY
+from sysid.continuous.output_error_criterion import OutputError
+from sysid.continuous.output_error_search import moves_early, quick_minimum
+from sysid.continuous.path_response import TransferFunction
+from sysid.continuous.structures import PathStructure, ProcessPath, RationalPath, RealisePaths, enlarged
+from sysid.models.continuous_estimate import ContinuousEstimate
+from sysid.models.continuous_model import ContinuousModel
+from sysid.models.data_summary import DataSummary
+from sysid.polynomial.correlation import colour, relative_spectrum
+from sysid.polynomial.polynomial_estimate import COLOUR, directions
+from sysid.polynomial.prediction_error import Minimum, coloured_information
+from sysid.records.arguments import truth_value, whole_number
+from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError
+from sysid.selection.auto import StructureChoice, stretches
+from sysid.selection.slow_modes import slow_radius
+from sysid.selection.structure_search import FAR, HARDLY_TOLD, SEARCHED, SLOW, Candidate, largest_ratio
+
+WORSE = 2
+"""Numbers of poles in a row without a better criterion, after which no larger one is tried."""
+
+STEPS = 10
+"""Steps of the search of a candidate, at most: the chosen one is refined to the end."""
+
+REFINED = 40
+"""Steps of the search of the chosen model on all data, at most."""
+
+LONGEST = 4_000
+"""Samples on which candidates are compared."""
+
+SCREENED = 1_500
+"""Samples on which initial estimates are made: only the search that begins there decides."""
+
+ROUNDING = 1e-9
+"""Errors, relative to the deviation of the output, that count as none."""
+
+OVERDAMPED = 0.9
+"""Damping from which on a pair of poles may as well be real."""
+
+INTEGRATES = 0.1
+"""Time constant, relative to the longest record, from which on an integrator may be in its place."""
+
+UNFIT = 1e9
+"""What stands above the criterion of a candidate that follows a disturbance, so that it comes last."""
+
+SIMPLER = 1.0
+"""EBIC by which a candidate must be better than a simpler one: rounding and unfinished searches differ by less."""
+
+
+def choose_tfest(
+    data: IOData | Sequence[IOData], *, offset: bool = False, largest: int = 5, longest: int = LONGEST
+) -> StructureChoice:
+    """Choose the numbers of poles and zeros of `tfest`, and whether there is a delay.
+
+    The number of poles rises, with one zero less and an estimated delay, until the criterion is worse twice. Then the
+    two best lose zeros, and the delay. The criterion is the extended BIC [ChenChen2008] of output errors of any colour:
+    of their values whitened by an autoregressive model, whose coefficients count as parameters, as do initial states
+    and constants.
+
+    Args:
+        data: One experiment, or several that share the model, with one output; of several inputs all paths have the
+            same structure.
+        offset: Whether the output of every experiment has an unknown constant, as in `tfest`.
+        largest: Largest number of poles.
+        longest: Samples on which candidates are compared; the chosen model is of all.
+
+    Returns:
+        The model with the orders poles, zeros and delay ("estimated", or 0 for none), and the other candidates.
+
+    Raises:
+        SysidError: Several outputs, or no candidate can be fitted.
+
+    Warns:
+        SysidWarning: What `tfest` says about the chosen model.
+    """
+    largest = whole_number("largest", largest, 1)
+    search = _CandidateSearch.of("tfest", data, offset, longest)
+    worse = 0
+    for poles in range(1, largest + 1):
+        least = search.least
+        search.fit(RationalPath(poles, poles - 1, None))
+        worse = 0 if search.least < least else worse + 1
+        if worse == WORSE:
+            break
+    for structure in search.best_structures(2, within=FAR):
+        fewer = range(structure.zeros - 1, -1, -1)
+        search.fit_while_better(RationalPath(structure.poles, zeros, None) for zeros in fewer)
+    (best,) = search.best_structures(1)
+    search.fit(RationalPath(best.poles, best.zeros, 0.0))
+    return search.choice(
+        lambda chosen, theta: tfest(
+            search.all_data,
+            chosen.poles,
+            chosen.zeros,
+            delay=chosen.delay,
+            offset=search.offset,
+            start=theta,
+            max_iterations=REFINED,
+        )
+    )
+
+
+def choose_procest(data: IOData | Sequence[IOData], *, offset: bool = False, longest: int = LONGEST) -> StructureChoice:
+    """Choose the kind of process model of `procest`, by the criterion of `choose_tfest`.
+
+    Kinds of up to three poles with a delay come first, with an integrator where the slowest of them lasts a tenth of
+    the record; then the best with a zero, with a pole more or less, without delay, or with real in place of complex
+    poles, as long as that helps.
+
+    Args:
+        data: One experiment, or several that share the model, with one output; of several inputs all paths have the
+            same kind. Kinds with an integrator are fitted to the signals as they were before an operating point was
+            removed: without the mean of its input an integrator has a ramp, and a constant is part of its state.
+        offset: Whether the output of every experiment has an unknown constant, as in `procest`.
+        longest: Samples on which candidates are compared; the chosen model is of all.
+
+    Returns:
+        The model with its kind, and the other candidates.
+
+    Raises:
+        SysidError: Several outputs, or no candidate can be fitted.
+
+    Warns:
+        SysidWarning: What `procest` says about the chosen model.
+    """
+    search = _CandidateSearch.of("procest", data, offset, longest)
+    search.fit_each(map(ProcessPath, ("P0", "P1D", "P2DU", "P3DU")))
+    if search.slowest > INTEGRATES * max(len(e) * e.dt for e in search.compared):
+        search.fit_each(map(ProcessPath, ("P0DI", "P1DI", "P2DIU")))
+    tried = None
+    while tried != search.best_structures(1):
+        tried = search.best_structures(1)
+        kind = search.best_candidate.orders["kind"]
+        search.fit_each(map(ProcessPath, _variants(str(kind), search.damping)))
+
+    def estimate(chosen: PathStructure, theta: FloatArray) -> ContinuousEstimate:
+        with_offset = search.offset and not chosen.integrators
+        kind = str(search.best_candidate.orders["kind"])
+        return procest(search.data_of(chosen), kind, offset=with_offset, start=theta, max_iterations=REFINED)
+
+    return search.choice(estimate)
+
+
+def _reshaped(structure: PathStructure, path: TransferFunction, dt: float) -> FloatArray:
+    """Parameters of a structure that is near a transfer function with more or fewer poles, zeros and delay."""
+    delay = path.delay if structure.delay is None else structure.delay
+    b: FloatArray = path.b[: structure.zeros + 1]
+    a: FloatArray = path.a
+    if len(a) - 1 > structure.poles:
+        # the fastest poles go: their effect is the shortest
+        roots = sorted(np.roots(a[::-1]), key=abs)[: structure.poles]
+        shorter = np.asarray(np.poly(roots).real[::-1], dtype=np.float64)
+        scale = shorter[structure.integrators] / a[structure.integrators]
+        b, a = b * scale, shorter
+    return enlarged(structure, TransferFunction(b, a, delay), dt)
+
+
+def _drive(criterion: OutputError, minimum: Minimum, half: FloatArray, tables: Sequence[FloatArray]) -> float:
+    """Least evidence that the input drives the slow modes of a candidate, as `slow_modes.least_drive` has it."""
+    at, dt = minimum.at, criterion.experiments[0].dt
+    radius = slow_radius(max(map(len, criterion.experiments)))
+    whitener, correlations = colour(np.concatenate([table[:, -1] for table in tables]))
+    least, begin = np.inf, 0
+    for structure, values in zip(criterion.structures, criterion.split(at.theta), strict=True):
+        transfer, end = structure.transfer(values), begin + len(values)
+        # over the leading coefficient of the denominator: of a very slow lag gain and time constant alone are vague
+        leading, jacobian = transfer.a[-1], structure.jacobian(values)
+        numerator = transfer.b / leading
+        by_leading = jacobian[structure.zeros + 1 + structure.poles]
+        by_numerator = (jacobian[: structure.zeros + 1] - np.outer(numerator, by_leading)) / leading
+        covariance = half[begin:end] @ half[begin:end].T * at.cost / at.errors
+        begin = end
+        for pole in np.roots(transfer.a[structure.integrators :][::-1]):
+            if abs(np.exp(pole * dt)) <= radius or pole.imag < 0.0:
+                continue
+            powers = pole ** np.arange(structure.zeros + 1)
+            rows = np.array([powers.real, powers.imag] if pole.imag else [powers.real])
+            value, slopes = rows @ numerator, rows @ by_numerator
+            spread = slopes @ covariance @ slopes.T * relative_spectrum(whitener, correlations, float(pole.imag * dt))
+            statistic = float(value @ np.linalg.pinv(spread, hermitian=True) @ value) / len(value)
+            least = min(least, statistic)
+    return least
+
+
+def _longest_delay(experiments: Sequence[IOData]) -> float:
+    """Largest delay that is tried, s, as `tfest` has it."""
+    shortest = min(len(experiment) - experiment.window for experiment in experiments)
+    return experiments[0].dt * min(LONGEST_DELAY, shortest // 10)
+
+
+def _variants(kind: str, damping: float) -> list[str]:
+    """Kinds with a letter or a pole more or less than that of a model with this least damping."""
+    kinds = []
+    if "U" in kind and damping > OVERDAMPED:
+        kinds.append(kind.replace("U", ""))
+    if "D" in kind:
+        kinds.append(kind.replace("D", ""))
+    if "Z" not in kind and kind[1] != "0":
+        kinds.append(f"{kind}Z")
+    lags = int(kind[1])
+    if 0 < lags < 3:
+        kinds.append(f"P{lags + 1}{kind[2:]}")
+    if lags > 1:
+        fewer = kind[2:] if lags > 2 else kind[2:].replace("U", "")
+        kinds.append(f"P{lags - 1}{fewer}")
+    return kinds
+
+
+@dataclass(frozen=True)
+class _AtDelay:
+    """A structure at a known delay, for initial estimates: its parameters are those of the structure itself."""
+
+    structure: PathStructure
+    delay: float
+
+    @property
+    def poles(self) -> int:
+        """Number of poles, that of an integrator too."""
+        return self.structure.poles
+
+    @property
+    def zeros(self) -> int:
+        """Degree of the numerator."""
+        return self.structure.zeros
+
+    @property
+    def integrators(self) -> int:
+        """1 for an integrator, else 0."""
+        return self.structure.integrators
+
+    def parameters(self, path: TransferFunction) -> FloatArray:
+        """Parameters (p,) of a transfer function."""
+        return self.structure.parameters(path)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A structure as far as the search refined it.
+
+    Attributes:
+        structure: That of every path.
+        candidate: How it fits.
+        criterion: Sum of squares of its errors.
+        theta: Its parameters (p,).
+    """
+
+    structure: PathStructure
+    candidate: Candidate
+    criterion: OutputError
+    theta: FloatArray
+
+
+def _rank(fit: _Fit) -> float:
+    """Criterion of a fit, larger where it has slow modes, which may follow a disturbance."""
+    candidate = fit.candidate
+    if not candidate.eligible:
+        return candidate.ebic + UNFIT
+    return candidate.ebic + (SLOW if np.isfinite(candidate.drive) else 0.0)
+
+
+@dataclass(eq=False)
+class _CandidateSearch:
+    """Structures that were fitted to the same samples.
+
+    Attributes:
+        method: Name of the estimator.
+        all_data: The experiments.
+        compared: Those samples of them on which candidates are compared.
+        offset: Whether outputs have constants.
+        held: Whether the input moves in the first samples above all, which do not count for candidates with a delay
+            unless it was held before them, as in a step test.
+        fits: What could be fitted.
+        refusal: Why the last structure could not be.
+    """
+
+    method: str
+    all_data: tuple[IOData, ...]
+    compared: tuple[IOData, ...]
+    offset: bool
+    held: bool
+    fits: list[_Fit] = field(default_factory=list)
+    refusal: SysidError | None = None
+
+    @classmethod
+    def of(cls, method: str, data: IOData | Sequence[IOData], offset: object, longest: int) -> "_CandidateSearch":
+        """Begin a search; raises what `choose_tfest` raises of its arguments."""
+        experiments = as_experiments(data, missing=True)
+        if experiments[0].ny > 1:
+            raise SysidError(
+                f"the structure of {method} is chosen for one output, the data have {experiments[0].ny}: select one "
+                "output, or give the structure"
+            )
+        longest = whole_number("longest", longest, 100)
+        compared = stretches(experiments, longest)
+        delayed = OutputError(
+            compared, [RationalPath(1, 0, None)] * compared[0].nu, _longest_delay(compared), free=True
+        )
+        held = moves_early(delayed)
+        return cls(method, experiments, compared, truth_value("offset", offset), held)
+
+    @property
+    def _size(self) -> float:
+        """Deviation of the output."""
+        deviations = [float(np.nanstd(experiment.y)) for experiment in self.compared]
+        return max(*deviations, float(np.finfo(float).tiny))
+
+    @property
+    def least(self) -> float:
+        """Least criterion; infinite where nothing is fitted yet."""
+        return min((fit.candidate.ebic for fit in self.fits), default=np.inf)
+
+    def data_of(self, structure: PathStructure, *, whole: bool = True) -> tuple[IOData, ...]:
+        """The experiments that a structure is fitted to; an integrator's as they were before means were removed."""
+        experiments = self.all_data if whole else self.compared
+        if structure.integrators:
+            return tuple(experiment.retrend() for experiment in experiments)
+        return experiments
+
+    def ranked(self) -> list[_Fit]:
+        """All fits, the best first; of those that are equally good the one with fewer parameters.
+
+        Raises:
+            SysidError: Nothing could be fitted; the last reason.
+        """
+        if not self.fits:
+            raise self.refusal or SysidError("no candidate could be fitted")
+        by_criterion = sorted(self.fits, key=_rank)
+        as_good = [fit for fit in by_criterion if _rank(fit) < _rank(by_criterion[0]) + SIMPLER]
+        # of P2 and P2U that which does not allow for complex poles
+        simplest = min(as_good, key=lambda fit: (fit.candidate.parameters, len(str(fit.candidate))))
+        return [simplest, *(fit for fit in by_criterion if fit is not simplest)]
+
+    @property
+    def best_candidate(self) -> Candidate:
+        """How the best fit fits."""
+        return self.ranked()[0].candidate
+
+    def best_structures(self, count: int, within: float = np.inf) -> list[PathStructure]:
+        """Structures of the best fits, whose criteria lie within so much of the best."""
+        ranked = self.ranked()
+        limit = ranked[0].candidate.ebic + within
+        return [fit.structure for fit in ranked[:count] if fit.candidate.ebic <= limit]
+
+    @property
+    def slowest(self) -> float:
+        """Longest time constant of the fit with the least criterion, s."""
+        poles = self._poles_of(min(self.fits, key=lambda fit: fit.candidate.ebic))
+        return float(np.max(-1.0 / poles.real, initial=0.0))
+
+    @property
+    def damping(self) -> float:
+        """Least damping of a pole of the best fit."""
+        poles = self._poles_of(self.ranked()[0])
+        return float(np.min(-poles.real / np.abs(poles), initial=1.0))
+
+    def _poles_of(self, fit: _Fit) -> ComplexArray:
+        """Poles of a fit but for those of an integrator, rad/s."""
+        poles = self._input_path(fit.criterion, fit.theta).poles()
+        return poles[np.abs(poles) > 0.0]
+
+    def fit_while_better(self, structures: Iterable[PathStructure]) -> None:
+        """Fit structures, one after the other, up to the first that is worse than the one before."""
+        before = np.inf
+        for structure in structures:
+            self.fit(structure)
+            criteria = [fit.candidate.ebic for fit in self.fits if fit.structure == structure]
+            if not criteria or criteria[0] > before:
+                break
+            before = criteria[0]
+
+    def fit_each(self, structures: Iterable[PathStructure]) -> None:
+        """Fit several structures, one after the other."""
+        for structure in structures:
+            self.fit(structure)
+
+    def fit(self, structure: PathStructure) -> None:
+        """Fit a structure from the answers of smaller ones and from estimates of its own; one is fitted once."""
+        if any(fit.structure == structure for fit in self.fits):
+            return
+        try:
+            criterion = self._criterion(structure)
+            minimum = quick_minimum(criterion, self._starts(criterion), STEPS)
+        except SysidError as error:
+            self.refusal = error
+            return
+        self.fits.append(_Fit(structure, self._candidate(structure, criterion, minimum), criterion, minimum.at.theta))
+
+    def _criterion(self, structure: PathStructure) -> OutputError:
+        """Sum of squares of the errors of a structure."""
+        experiments = self.data_of(structure, whole=False)
+        first = experiments[0]
+        longest = _longest_delay(experiments)
+        with_offset = self.offset and not structure.integrators
+        criterion = OutputError(experiments, [structure] * first.nu, longest, free=True, offset=with_offset)
+        needed = criterion.sizes[-1] + len(experiments) * (first.nu * structure.poles + int(with_offset))
+        if sum(criterion.usable()) <= needed:
+            raise SysidError(f"too many orders for {sum(criterion.usable())} samples: {needed} unknowns")
+        return replace(criterion, held=self.held and structure.delay is None)
+
+    def _starts(self, criterion: OutputError) -> list[FloatArray]:
+        """Parameters at which the search of a structure begins: of smaller ones, and by SRIVC at their delays."""
+        structure, dt = criterion.structures[0], criterion.experiments[0].dt
+        nearest, no_delay = [], np.zeros(len(criterion.structures))
+        for fit in sorted(self.fits, key=lambda fit: fit.candidate.ebic):
+            if fit.structure.integrators == structure.integrators:
+                nearest.append(fit)
+        starts = []
+        for fit in nearest[:2]:
+            paths = fit.criterion.transfers(fit.theta)
+            starts.append(np.concatenate([_reshaped(structure, path, dt) for path in paths]))
+        contains = any(
+            fit.structure.poles >= structure.poles and fit.structure.zeros >= structure.zeros for fit in nearest
+        )
+        if contains:
+            return starts
+        delays = [no_delay]
+        if structure.delay is None and nearest:
+            # that of the best so far
+            delays = [np.array([path.delay for path in nearest[0].criterion.transfers(nearest[0].theta)])]
+        elif structure.delay is None:
+            delays += [no_delay + share * criterion.longest for share in (0.2, 0.5)]
+        for known in delays:
+            starts += self._own_starts(criterion, known)
+        return starts
+
+    def _own_starts(self, criterion: OutputError, delays: FloatArray) -> list[FloatArray]:
+        """Initial estimates by SRIVC at known delays (nu,), s, on the beginning of the records."""
+        structures: list[Any] = []
+        for structure, delay in zip(criterion.structures, delays, strict=True):
+            structures.append(_AtDelay(structure, float(delay)))
+        experiments = [experiment[:SCREENED] for experiment in criterion.experiments]
+        first = [criterion.first(experiment) for experiment in experiments]
+        return initial_estimates(
+            experiments, structures, first, criterion.longest, free=criterion.free, offset=criterion.offset
+        )
+
+    def _candidate(self, structure: PathStructure, criterion: OutputError, minimum: Minimum) -> Candidate:
+        """How a structure fits."""
+        at, samples = minimum.at, 0
+        squares = parameters = 0.0
+        for experiment in criterion.experiments:
+            errors = self._counted_errors(criterion, experiment, at.theta)
+            samples += len(errors)
+            squares += float(errors @ errors)
+        deviation = max(float(np.sqrt(squares / samples)), ROUNDING * self._size)
+        # the expected decrease of the errors by a parameter is larger where errors are coloured [White1982]
+        half, _ = directions(at)
+        tables = [criterion.columns(experiment, at.theta)[0] for experiment in criterion.experiments]
+        middle = coloured_information(tables, min(COLOUR, at.errors // 20), half) if squares else np.eye(half.shape[1])
+        parameters = float(np.trace(middle)) / half.shape[1] * (len(at.theta) + at.transients)
+        ebic = 2.0 * samples * np.log(deviation) + parameters * (np.log(samples) + SEARCHED)
+        poles = self._input_path(criterion, at.theta).poles()
+        # the pole of an integrator is where its structure has it
+        poles = poles[np.abs(poles) > 0.0]
+        radius = float(np.exp(criterion.experiments[0].dt * poles.real.max(initial=-np.inf)))
+        loss = at.cost / at.errors
+        drive = _drive(criterion, minimum, half, tables)
+        return Candidate(self.method, self._orders(structure), len(at.theta), loss, ebic, np.nan, radius, drive)
+
+    def _counted_errors(self, criterion: OutputError, experiment: IOData, theta: FloatArray) -> FloatArray:
+        """Errors of an experiment behind the longest delay of any candidate, which all have."""
+        errors = criterion.columns(experiment, theta)[0][:, -1]
+        if self.held:
+            return errors
+        first = max(experiment.window, min(LONGEST_DELAY, len(experiment) // 10) + 1)
+        return errors[-max(int(experiment.known[first:].sum()), 1) :]
+
+    def _input_path(self, criterion: OutputError, theta: FloatArray) -> ContinuousModel:
+        """The continuous-time model."""
+        first = criterion.experiments[0]
+        summary = DataSummary.of(criterion.experiments)
+        return RealisePaths((tuple(criterion.structures),), summary, first.intersample, None)(theta)
+
+    def _orders(self, structure: PathStructure) -> dict[str, Any]:
+        """Orders by name, as a candidate shows them."""
+        if isinstance(structure, ProcessPath):
+            return {"kind": structure.kind}
+        delay = "estimated" if structure.delay is None else 0
+        return {"poles": structure.poles, "zeros": structure.zeros, "delay": delay}
+
+    def choice(self, estimate: Callable[[PathStructure, FloatArray], ContinuousEstimate]) -> StructureChoice:
+        """The best candidate, estimated from all data, and the others."""
+        ranked = self.ranked()
+        best = ranked[0]
+        samples, total = sum(map(len, self.compared)), sum(map(len, self.all_data))
+        criterion = "the lowest EBIC of output errors of any colour"
+        candidates = tuple(fit.candidate for fit in ranked)
+        return StructureChoice(
+            estimate=estimate(best.structure, best.theta),
+            candidates=candidates,
+            delays=(),
+            samples=samples,
+            cautions=(candidates[0].remark,) if not candidates[0].eligible else (),
+            reason=f"{candidates[0]}: {criterion} of {len(ranked)} candidates, compared on {samples} of {total} "
+            "samples",
+            disagreement=self._disagreement(ranked),
+        )
+
+    def _disagreement(self, ranked: Sequence[_Fit]) -> tuple[float, float]:
+        """Largest ratios of gain and bandwidth between the best candidate and those that are hardly worse."""
+        models = []
+        for fit in ranked:
+            is_near = fit.candidate.ebic < ranked[0].candidate.ebic + HARDLY_TOLD
+            if fit.candidate.eligible and is_near:
+                models.append(self._input_path(fit.criterion, fit.theta))
+        if not models or any(not np.isfinite(model.dc_gain()).all() for model in models):
+            return 1.0, 1.0
+        return (
+            largest_ratio([np.abs(model.dc_gain()).ravel() for model in models]),
+            largest_ratio([model.bandwidth().ravel() for model in models]),
+        )

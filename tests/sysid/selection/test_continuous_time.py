@@ -1,0 +1,87 @@
+"""Structures of continuous-time models chosen from records of systems that are known."""
+
+import control
+import numpy as np
+import pytest
+
+from sysid import IOData, SysidError, procest, tfest
+from sysid.selection import choose_procest, choose_tfest
+
+DT, FINE = 0.05, 10
+
+
+def simulated(numerator, denominator, delay=0.0, *, seed, samples=1000, noise=0.03):
+    """Response to levels that are held, by python-control on a finer grid, with white noise."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // 15 + 1), 15)[:samples]
+    late = round(delay / DT * FINE)
+    fine = np.concatenate((np.zeros(late), np.repeat(u, FINE)))[: samples * FINE]
+    system = control.c2d(control.tf(numerator, denominator), DT / FINE, "zoh")
+    y = control.forced_response(system, U=fine).outputs[::FINE]
+    return IOData(u, y + noise * y.std() * rng.standard_normal(samples), DT)
+
+
+SYSTEMS = {
+    "P1D": ([2.0], [0.5, 1.0], 0.2, (1, 0, "estimated")),
+    "P2DU": ([1.0], [0.04, 0.08, 1.0], 0.15, (2, 0, "estimated")),
+    "P2": ([2.0], [0.15, 0.8, 1.0], 0.0, (2, 0, 0)),
+    "P3D": ([24.0], [1.0, 9.0, 26.0, 24.0], 0.1, (3, 0, "estimated")),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", SYSTEMS)
+def test_the_true_structure_is_chosen(kind):
+    numerator, denominator, delay, orders = SYSTEMS[kind]
+    data = simulated(numerator, denominator, delay, seed=1)
+    by_orders, by_kind = choose_tfest(data), choose_procest(data)
+    assert tuple(by_orders.candidates[0].orders.values()) == orders
+    assert by_kind.candidates[0].orders["kind"] == kind
+    for choice in (by_orders, by_kind):
+        assert choice.estimate.dc_gain().item() == pytest.approx(numerator[-1] / denominator[-1], rel=0.02)
+        assert choice.cautions == ()
+    # the same minimum as that of the search of the estimator itself
+    poles, zeros, _ = orders
+    known = None if delay else 0.0
+    own = tfest(data, poles, zeros, delay=known)
+    np.testing.assert_allclose(by_orders.estimate.parameters, own.parameters, rtol=1e-3)
+    np.testing.assert_allclose(by_kind.estimate.parameters, procest(data, kind).parameters, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_an_integrator_is_a_process_model_with_one():
+    data = simulated([1.0], [0.4, 1.0, 0.0], 0.1, seed=2)
+    choice = choose_procest(data)
+    assert choice.candidates[0].orders["kind"] == "P1DI"
+    gain, lag, delay = choice.estimate.parameters
+    assert (gain, lag, delay) == pytest.approx((1.0, 0.4, 0.1), rel=0.1)
+
+
+@pytest.mark.slow
+def test_a_slow_disturbance_is_no_dynamics():
+    """A slow sine that the input does not cause would be fitted by an undamped pair of poles."""
+    data = simulated([2.0], [0.5, 1.0], seed=4)
+    slow = 0.5 * np.sin(2.0 * np.pi * 0.03 * data.time)[:, None]
+    choice = choose_tfest(IOData(data.u, data.y + slow, DT), largest=3)
+    assert any("follows a disturbance" in candidate.remark for candidate in choice.candidates)
+    assert choice.candidates[0].orders["poles"] == 1
+    gain = choice.estimate.continuous_band(lambda model: model.dc_gain().ravel())
+    assert abs(gain.value.item() - 2.0) < 3.0 * gain.deviation.item()
+    assert gain.deviation.item() < 0.2
+
+
+def test_what_cannot_be_chosen_is_refused():
+    data = simulated([1.0], [0.5, 1.0], seed=4, samples=60)
+    two = IOData(data.u, np.hstack((data.y, data.y)), DT)
+    for choose in (choose_tfest, choose_procest):
+        with pytest.raises(SysidError, match="chosen for one output, the data have 2"):
+            choose(two)
+
+
+def test_a_search_begins_at_a_start_alone():
+    data = simulated([2.0], [0.5, 1.0], 0.2, seed=5, samples=400)
+    own = procest(data, "P1D")
+    again = procest(data, "P1D", start=own.parameters)
+    np.testing.assert_allclose(again.parameters, own.parameters, rtol=1e-6)
+    with pytest.raises(SysidError, match=r"start: expected the 3 parameters of the structure, got \[1.0, 2.0\]"):
+        procest(data, "P1D", start=[1.0, 2.0])
