@@ -28,7 +28,8 @@ ROOMS = {
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
-        *("files", "jobs", "experiments", "report", "truth", "identification", "control", "datasets", "exchange"),
+        *("files", "jobs", "experiments", "report", "truth", "identification", "model_report"),
+        *("control", "datasets", "exchange"),
         *("estimators", "problems", "bench", "thesis", "station", "commands"),
     ),
 }

@@ -1,5 +1,7 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
+import re
+import shlex
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,6 +24,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.methods import ESTIMATORS
 
 if TYPE_CHECKING:
+    from scenarios.identification.file_identification import FileIdentification
     from scenarios.identification.identification import Identification
     from sysid import Estimate
 
@@ -31,12 +34,15 @@ SAVED = (".json", ".m", ".c", ".fmu")
 FIGURES = ("record", "outputs", "bode", "step", "roots", "residuals")
 """Figures of --out, DATA-NAME.png."""
 
+REPORT = "report.html"
+"""Report of --out."""
+
 
 def identify(
     data: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="DATA ...")],
     *,
     method: Annotated[str | None, tyro.conf.arg(metavar="|".join(ESTIMATORS))] = None,
-    orders: tuple[int, ...] = (),
+    orders: Annotated[tuple[str, ...], tyro.conf.arg(metavar="[INT|WORD ...]")] = (),
     joint: str | None = None,
     input: tuple[str, ...] = ("u",),
     output: tuple[str, ...] = ("y",),
@@ -61,12 +67,15 @@ def identify(
     """Identify a model from a record of the twin or of any robot.
 
     Without --method and --orders it chooses: delay, structure (arx, armax, oe, bj; state space for several outputs) and
-    orders, and prints the candidates and the reason; with --method alone, the delay and the orders of arx, armax, oe or
-    bj. The last quarter of the record, of several the longest, then judges the model, unless --validate names another
-    or --held-out another part. The verdict calls no model sufficient whose simulated fit is below 50 %.
+    orders, and prints the candidates and the reason; with --method alone, the delay and the orders of arx, armax, oe,
+    bj, tfest, procest or impulseest. The last quarter of the record, of several the longest, then judges the model,
+    unless --validate names another or --held-out another part. The verdict calls no model sufficient whose simulated
+    fit is below 50 %.
 
     Methods and their orders: {methods_with_orders}. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5
-    (the default) is the number of observer Markov parameters. All take several inputs (polynomials of the same orders
+    (the default) is the number of observer Markov parameters. The delay of tfest is estimated, or known in samples;
+    kinds of procest are P0 to P3 with D (delay), Z (zero), U (complex poles) and I (integrator), as P2DU; impulseest
+    has n samples and a kernel tc, dc or ss. All take several inputs (polynomials of the same orders
     for each), {methods_of_several_outputs} also several outputs.
 
     It reads the logs and records of hmtb simulate and hmtb convert (.nc, .csv, .mat, .asc, .ch10), other .mat, .npz and
@@ -83,6 +92,7 @@ def identify(
       hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
       hmtb identify siso-5-elbow_pitch.nc --method armax --orders 2 2 2 1 --validate siso-8-elbow_pitch.nc
       hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1 --save robot.json
+      hmtb identify robot.csv --method procest --orders P2DU --out report
       hmtb identify run-1.csv run-2.csv --time stamp --method n4sid --orders 3
 
     Args:
@@ -111,7 +121,8 @@ def identify(
         validate_test: Which of its tests, by name or number.
         save: Write the model: all of it as .json, which hmtb compare --models reads, a MATLAB function (.m), C source
             (.c) or an FMU for co-simulation (.fmu).
-        out: Folder for figures: records, outputs, responses, poles and zeros, residuals.
+        out: Folder for report.html, the verdict, the model and charts with values under the pointer on one page, and
+            for figures: records, outputs, responses, poles and zeros, residuals.
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
@@ -120,18 +131,20 @@ def identify(
     from scenarios.identification.file_identification import identify_files
     from scenarios.identification.result_tables import result_tables
 
+    numbered = _orders(orders, method)
     # Endings and files that exist are checked before the fit, which may take minutes.
     if save is not None and save.suffix not in SAVED:
         raise ScenarioError(f"--save {save} given, expected a file that ends with {', '.join(SAVED)}")
     replaced = [save] if save else []
     if out is not None and data:
-        replaced = [*(out / f"{data[0].stem}-{name}.png" for name in FIGURES), *replaced]
+        pictured = [out / f"{data[0].stem}-{name}.png" for name in FIGURES]
+        replaced = [out / REPORT, *pictured, *replaced]
     check_files(*replaced, overwrite=overwrite)
     with progress("estimation"):
         found = identify_files(
             data,
             method=method,
-            orders=orders,
+            orders=numbered,
             joint=joint,
             input=input,
             output=output,
@@ -156,17 +169,39 @@ def identify(
             warnings.simplefilter("always", UserWarning)
             _save(found.result.fitted.estimate, save, typed, found.warnings)
         remarks += [str(warning.message) for warning in caught]
-    pictures = [] if out is None else _draw(found.result, out, data[0].stem)
+    pictures, report = [], None
+    if out is not None:
+        pictures = _draw(found.result, out, data[0].stem)
+        report = _report(found, options, out / REPORT)
     if json:
-        print_json({**found.record(), "warnings": remarks, "model_file": save, "figures": pictures})
+        written = {"model_file": save, "figures": pictures, "report": report}
+        print_json({**found.record(), "warnings": remarks, **written})
         return 0
     print_tables(result_tables(found))
     say_each("warning: ", remarks)
     if save is not None:
         say_each("model: ", [save])
     say_each("figure: ", pictures)
-    _say_next(options, save, has_figures=bool(pictures))
+    if report is not None:
+        say_each("report: ", [report])
+    _say_next(options, found.chosen_options, save, has_figures=bool(pictures))
     return 0
+
+
+def _orders(words: Sequence[str], method: str | None) -> tuple[int | str, ...]:
+    """Orders: whole numbers, and words such as the kind of a process model where a method has them."""
+    estimator = ESTIMATORS.get(method or "")
+    takes_words = estimator is not None and bool(estimator.words)
+    orders: list[int | str] = []
+    for word in words:
+        # [0-9] alone: other alphabets have digits too, which int() would take
+        if re.fullmatch(r"[+-]?[0-9]{1,9}", word):
+            orders.append(int(word))
+        elif takes_words and re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,15}", word):
+            orders.append(word)
+        else:
+            raise ScenarioError(f"--orders: expected whole numbers, given {' '.join(words)}")
+    return tuple(orders)
 
 
 def _with_methods(text: str) -> str:
@@ -181,12 +216,15 @@ def _with_methods(text: str) -> str:
 identify.__doc__ = _with_methods(identify.__doc__ or "")
 
 
-def _say_next(options: Mapping[str, Any], save: Path | None, *, has_figures: bool) -> None:
-    """Write the command that goes on from here: save the model, then compare it with others on the same record."""
+def _say_next(options: Mapping[str, Any], chosen: Mapping[str, Any], save: Path | None, *, has_figures: bool) -> None:
+    """Write the command that goes on from here: save the model, then compare it with others on the same record.
+
+    A choice is written out: the command gives the same model at once.
+    """
     first, joint = options["data"][0], options["joint"]
     # What was asked for once, figures and the consent to replace files, is not repeated.
-    again = {**options, "out": None, "overwrite": False}
-    if save is None and has_figures:
+    again = {**options, **chosen, "out": None, "overwrite": False}
+    if save is None and (has_figures or chosen):
         again["save"] = Path(f"{first.stem}.json")
         say(f"next: {command_line('hmtb identify', identify, again)}")
     elif save is not None and save.suffix == ".json":
@@ -207,6 +245,18 @@ def _save(model: "Estimate", path: Path, typed: str, remarks: Sequence[str]) -> 
         exchange.write_model(model, path, command=typed)
     else:
         {".m": exchange.to_matlab, ".c": exchange.to_c, ".fmu": exchange.to_fmu}[path.suffix](model, path)
+
+
+def _report(found: "FileIdentification", options: Mapping[str, Any], path: Path) -> Path:
+    """Write the report with the command and the call that give its model again."""
+    from scenarios.identification.file_identification import DEFAULTS, IdentificationRequest
+    from scenarios.model_report.report_page import write_model_report
+
+    again = {name: value for name, value in options.items() if name in DEFAULTS}
+    again["orders"] = _orders(options["orders"], options["method"])
+    request = IdentificationRequest(tuple(options["data"]), {**again, **found.chosen_options})
+    with progress("report"):
+        return write_model_report(found, path, shlex.join(request.words), request.python)
 
 
 def _draw(result: "Identification", out: Path, stem: str) -> list[Path]:

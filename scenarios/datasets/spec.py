@@ -19,12 +19,12 @@ from scenarios.experiments.waveform import check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.files.toml_file import read_toml
-from scenarios.identification.methods import METHODS
+from scenarios.identification.methods import COUNTED, METHODS
 
 TRUTH = "truth"
 """The small-signal truth in place of an identified model."""
 
-IDENTIFIED = tuple(name for name, method in METHODS.items() if method.returns in ("estimate", "predictor"))
+IDENTIFIED = tuple(name for name, method in COUNTED.items() if method.returns in ("estimate", "predictor"))
 """Methods of identification that can be baselines."""
 
 TRIVIAL = (*(name for name in IDENTIFIED if not METHODS[name].orders), TRUTH)

@@ -26,12 +26,26 @@ class FileIdentification:
         result: The model and how it was judged.
         choice: The choice of method and orders; None where both were given.
         warnings: Remarks on the files, on gaps, bandwidths and numerics.
+        held_out: Part of the longest record, its end, that judges the model; 0 where none does.
     """
 
     title: str
     result: Identification
     choice: StructureChoice | None
     warnings: tuple[str, ...]
+    held_out: float = 0.0
+
+    @property
+    def chosen_options(self) -> dict[str, object]:
+        """Options of `identify_files` that give the chosen model again; empty where nothing was chosen."""
+        if self.choice is None:
+            return {}
+        fitted, trend = self.result.fitted, self.choice.candidates[0].trend_options
+        options: dict[str, object] = {"method": fitted.estimate.method, "orders": tuple(fitted.orders.values())}
+        options |= {name: True for name in trend}
+        if self.held_out:
+            options["held_out"] = self.held_out
+        return options
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb identify --json` prints of the model and of the choice."""
@@ -50,7 +64,7 @@ def identify_files(
     data: Sequence[Path],
     *,
     method: str | None = None,
-    orders: Sequence[int] = (),
+    orders: Sequence[int | str] = (),
     joint: str | None = None,
     input: Names = "u",
     output: Names = "y",
@@ -161,7 +175,10 @@ def identify_files(
     elif check:
         title += f", fits to {_held_out_in_words(check[0], data)}"
     messages = (str(warning.message) for warning in caught)
-    return FileIdentification(title, result, choice, (*messages, *result.warnings))
+    is_held_out = validate is None and check is not None
+    return FileIdentification(
+        title, result, choice, (*messages, *result.warnings), held_out=share if is_held_out else 0.0
+    )
 
 
 def _named_apart(records: Sequence[IOData], path: Path, data: Sequence[Path]) -> list[IOData]:
@@ -172,7 +189,7 @@ def _named_apart(records: Sequence[IOData], path: Path, data: Sequence[Path]) ->
     return [replace(record, name=f"{path.parent}/{record.name}") for record in records]
 
 
-def _held_out_share(orders: Sequence[int], held_out: float | None, validate: Path | None) -> float:
+def _held_out_share(orders: Sequence[int | str], held_out: float | None, validate: Path | None) -> float:
     """Part of the longest record that judges the model: by default one only where orders are chosen."""
     if held_out is not None:
         share = held_out

@@ -15,10 +15,12 @@ import sysid
 from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
 from scenarios.files.errors import ScenarioError, unknown
+from scenarios.identification.adapted_estimators import integrates
 from scenarios.identification.methods import ESTIMATORS, estimate
 from scenarios.identification.run_agreement import RunAgreement, run_agreement
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
+from sysid.models.continuous_estimate import ContinuousEstimate, sampled_poles
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import trends_of_outputs
@@ -57,7 +59,7 @@ class FittedModel:
     """
 
     estimate: Estimate
-    orders: dict[str, Order]
+    orders: dict[str, Order | str]
     parts: tuple[IOData, ...]
     band: Bandwidth
     claims: tuple[tuple[BandwidthClaim, ...], ...]
@@ -141,8 +143,7 @@ class Identification:
             "fit": {name: getattr(fit, name) for name in ("simulation", "one_step", "steps", "ahead")},
             "bandwidth_hz": bandwidths[0][0] if is_single_path else bandwidths,
             "ci95": intervals[0][0] if is_single_path else intervals,
-            "poles": model.poles(),
-            "zeros": model.zeros(),
+            **_roots(model),
             "dc_gain": gains[0][0] if is_single_path else gains,
             "parameters": dict(zip(model.parameter_names, model.parameters, strict=True)),
             "deviations": dict(zip(model.parameter_names, deviations(model), strict=True)),
@@ -163,7 +164,7 @@ class Identification:
 def fit_model(
     records: Sequence[IOData],
     method: str,
-    orders: Sequence[Order],
+    orders: Sequence[Order | str],
     *,
     keep_mean: bool = False,
     check: Sequence[IOData] | None = None,
@@ -193,12 +194,13 @@ def fit_model(
         several = ", ".join(name for name, estimator in ESTIMATORS.items() if estimator.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
     run = partial(estimate, method=method, orders=orders)
-    if found is not None and found.polynomials is not None and method != "arx":
+    if found is not None and found.polynomials is not None and method not in ("arx", "impulseest"):
         # searches about other operating points begin there
         run = partial(run, start=found.polynomials)
     with warnings.catch_warnings():
         # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
+        keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend)
         if trend:
             _check_trend(method, trend)
             shifted = subtract_means(records)
@@ -217,6 +219,21 @@ def fit_model(
     return FittedModel(model, ESTIMATORS[method].complete(orders), used, band, tuple(claims))
 
 
+def _operating_point_options(
+    method: str, orders: Sequence[Order | str], *, keep_mean: bool, trend: Mapping[str, bool] | None
+) -> tuple[bool, Mapping[str, bool] | None]:
+    """Whether a method takes the values as they are, and its options for the output's trend.
+
+    Continuous-time models have the constant of the output among their unknowns. Integrators have it in their state:
+    the mean of the input is no operating point of theirs, it would put a ramp into the output.
+    """
+    if method == "procest" and any(map(integrates, orders)):
+        return True, None
+    if method in ("tfest", "procest") and not keep_mean and not trend:
+        return False, {"offset": True}
+    return keep_mean, trend
+
+
 def _check_trend(method: str, trend: Mapping[str, bool]) -> None:
     """Refuse options for a trend that the estimator does not have."""
     if method not in ESTIMATORS:
@@ -232,6 +249,9 @@ def _without_trends(model: Estimate, parts: Sequence[IOData]) -> tuple[IOData, .
     """The records that a model was estimated from, without the trends that it found in them."""
     without = []
     offsets, slopes = model.diagnostics["offsets"], model.diagnostics.get("slopes")
+    if isinstance(model, ContinuousEstimate):
+        # one sequence for each output, not for each experiment
+        offsets = list(zip(*offsets, strict=True))
     for k, part in enumerate(parts):
         trend = np.broadcast_to(np.array(offsets[k]), part.y.shape)
         if slopes is not None:
@@ -245,7 +265,7 @@ def _without_trends(model: Estimate, parts: Sequence[IOData]) -> tuple[IOData, .
 def identify(
     records: Sequence[IOData],
     method: str,
-    orders: Sequence[Order],
+    orders: Sequence[Order | str],
     *,
     keep_mean: bool = False,
     trend: Mapping[str, bool] | None = None,
@@ -273,6 +293,7 @@ def identify(
         SysidError: The estimator refuses the records.
     """
     fitted = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, found=found, check=check)
+    keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)
@@ -451,6 +472,16 @@ def _bandwidth_remarks(fitted: FittedModel) -> list[str]:
 def without_python_advice(text: str) -> str:
     """Leave out of a warning of `sysid` the advice on Python arguments, which the command line does not have."""
     return reworded(text, text.advice, {}) if isinstance(text, Message) else text
+
+
+def _roots(model: Estimate) -> dict[str, object]:
+    """Poles and zeros in the z plane, and of a continuous-time model in rad/s with its delays; none of a response."""
+    if model.method == "impulseest":
+        return {"poles": [], "zeros": []}
+    if not isinstance(model, ContinuousEstimate):
+        return {"poles": model.poles(), "zeros": model.zeros()}
+    continuous = {"poles": model.poles(), "zeros": model.zeros(), "delays_s": model.continuous.delays}
+    return {"poles": sampled_poles(model), "zeros": model.model.input_path().zeros(), "continuous": continuous}
 
 
 def deviations(model: Estimate) -> FloatArray:

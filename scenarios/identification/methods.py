@@ -70,6 +70,7 @@ class IdentificationMethod:
         returns: `estimate`, `predictor` or `model`.
         orders: Names of the required orders.
         optional: Names of the optional orders that follow, with their defaults.
+        words: Orders that may be words, such as the kind of a process model; the command line alone has room for them.
         least: Least value of each order of a predictor.
         outputs: Whether it takes several outputs.
         knows: Keyword arguments that are filled from `Knowledge`, with the names of its fields.
@@ -81,7 +82,8 @@ class IdentificationMethod:
     call: str
     returns: str = "estimate"
     orders: tuple[str, ...] = ()
-    optional: Mapping[str, int] = field(default_factory=dict)
+    optional: Mapping[str, int | str] = field(default_factory=dict)
+    words: tuple[str, ...] = ()
     least: Mapping[str, int] = field(default_factory=dict)
     outputs: bool = False
     knows: Mapping[str, str] = field(default_factory=dict)
@@ -103,11 +105,11 @@ class IdentificationMethod:
         """Whether it needs the dead zones of the truth."""
         return "dead_zones" in self.knows.values()
 
-    def complete(self, values: "Sequence[Order]") -> "dict[str, Order]":
+    def complete(self, values: "Sequence[Order | str]") -> "dict[str, Any]":
         """Return all orders by name, defaults filled in.
 
         Raises:
-            ScenarioError: Too few, too many, negative, or below the least.
+            ScenarioError: Too few, too many, negative, below the least, or a word for a number.
         """
         import numpy as np
 
@@ -115,7 +117,8 @@ class IdentificationMethod:
         if not len(self.orders) <= len(values) <= len(names):
             shown = " ".join(map(str, values)) or "nothing"
             raise ScenarioError(f"{self.name} takes the orders {self.usage}; given {shown}")
-        if any(np.min(value) < 0 for value in values):
+        self._check_words(dict(zip(names, values, strict=False)))
+        if any(np.min(value) < 0 for value in values if not isinstance(value, str)):
             raise ScenarioError(
                 f"orders must be 0 or more, given {' '.join(map(str, values))}; {self.name} takes {self.usage}"
             )
@@ -124,6 +127,11 @@ class IdentificationMethod:
         for name, lowest in self.least.items():
             self._check_range(name, int(np.max(orders[name])), lowest)
         return orders
+
+    def _check_words(self, orders: "Mapping[str, Order | str]") -> None:
+        for name, value in orders.items():
+            if isinstance(value, str) and name not in self.words:
+                raise ScenarioError(f"{self.name}: {name} is a whole number, given {value}; it takes {self.usage}")
 
     def _check_range(self, order: str, value: int, lowest: int) -> None:
         if value < lowest:
@@ -150,8 +158,8 @@ def _read() -> dict[str, IdentificationMethod]:
     for name, table in read_toml(path.read_text(encoding="utf-8"), path.name).items():
         bench = table.pop("bench", None)
         entry = BenchEntry(**bench) if bench else None
-        orders = tuple(table.pop("orders", ()))
-        methods[name] = IdentificationMethod(name, **table, orders=orders, bench=entry)
+        orders, words = tuple(table.pop("orders", ())), tuple(table.pop("words", ()))
+        methods[name] = IdentificationMethod(name, **table, orders=orders, words=words, bench=entry)
     return methods
 
 
@@ -163,6 +171,11 @@ ESTIMATORS: Mapping[str, IdentificationMethod] = MappingProxyType(
 )
 """Every estimator of the command line."""
 
+COUNTED: Mapping[str, IdentificationMethod] = MappingProxyType(
+    {name: method for name, method in METHODS.items() if not method.words}
+)
+"""Every method whose orders are numbers."""
+
 BENCH_ENTRIES: Mapping[str, BenchEntry] = MappingProxyType(
     {name: method.bench for name, method in METHODS.items() if method.bench is not None}
 )
@@ -170,7 +183,7 @@ BENCH_ENTRIES: Mapping[str, BenchEntry] = MappingProxyType(
 
 
 def estimate(
-    data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order]", **options: "bool | Polynomials"
+    data: "IOData | Sequence[IOData]", method: str, orders: "Sequence[Order | str]", **options: "bool | Polynomials"
 ) -> "Estimate":
     """Run an estimator by name.
 

@@ -1,8 +1,9 @@
-"""Identification without method or orders: `sysid.auto` chooses them, the last part of the record judges the model."""
+"""Identification without method or orders: the toolbox chooses them, the last part of the record judges the model."""
 
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import sysid
 from scenarios.files.errors import ScenarioError, unknown
@@ -10,8 +11,11 @@ from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice
 from sysid.polynomial.fit_with_offset import subtract_means
+from sysid.selection import choose_impulseest, choose_procest, choose_tfest
 from sysid.selection.structure_search import ORDERS
-from sysid.validation.structure_scan import Order
+
+CHOSEN = (*ORDERS, "tfest", "procest", "impulseest")
+"""Methods whose orders can be chosen."""
 
 HELD_OUT = 0.25
 """Part of a record that judges the model, its end."""
@@ -38,7 +42,7 @@ def choose_and_identify(
 
     Args:
         records: Records to estimate from, as `usable` returns them.
-        method: One of arx, armax, oe, bj; None tries all.
+        method: One of `CHOSEN`; None tries arx, armax, oe and bj.
         keep_mean: Whether to take values as they are, without an operating point.
         offset: Whether the output has a constant beside its mean; None lets the choice decide.
         trend: Whether it has a straight line, likewise.
@@ -52,20 +56,17 @@ def choose_and_identify(
     """
     if method is not None and method not in ESTIMATORS:
         raise ScenarioError(unknown("method", method, ESTIMATORS))
-    if method is not None and method not in ORDERS:
-        raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(ORDERS)}")
+    if method is not None and method not in CHOSEN:
+        raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(CHOSEN)}")
+    if method is not None and method not in ORDERS and trend:
+        raise ScenarioError(f"{method} has no trend; expected one of {', '.join(ORDERS)}")
     with warnings.catch_warnings():
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        if keep_mean:
-            about, offset, trend = records, False, False
-        else:
-            about = subtract_means(records)
-        choice = sysid.auto(about, methods=None if method is None else [method], offset=offset, trend=trend)
-        chosen = _chosen(choice)
+        choice = _choice(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
         result = identify(
             records,
-            *chosen,
+            *_chosen(choice),
             keep_mean=keep_mean,
             trend=choice.candidates[0].trend_options,
             found=choice.estimate,
@@ -76,7 +77,23 @@ def choose_and_identify(
     return replace(result, cautions=choice.cautions, disagreement=choice.disagreement), choice
 
 
-def _chosen(choice: StructureChoice) -> tuple[str, list[Order]]:
+def _choice(
+    records: Sequence[IOData], method: str | None, *, keep_mean: bool, offset: bool | None, trend: bool | None
+) -> StructureChoice:
+    """The choice, on the records about their means."""
+    about = records if keep_mean else subtract_means(records)
+    if method == "tfest":
+        return choose_tfest(about, offset=not keep_mean)
+    if method == "procest":
+        return choose_procest(about, offset=not keep_mean)
+    if method == "impulseest":
+        return choose_impulseest(about)
+    if keep_mean:
+        offset, trend = False, False
+    return sysid.auto(about, methods=None if method is None else [method], offset=offset, trend=trend)
+
+
+def _chosen(choice: StructureChoice) -> tuple[str, list[Any]]:
     """Method and orders of the best candidate, in the sequence of its estimator."""
     best = choice.candidates[0]
     estimator = ESTIMATORS[best.method]

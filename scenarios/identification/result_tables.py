@@ -12,7 +12,9 @@ from scenarios.identification.identification import FittedModel, Identification,
 from scenarios.identification.run_agreement import RunAgreement
 from sysid import Estimate, IOData, ModelFit, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
+from sysid.models.continuous_estimate import ContinuousEstimate, damp, sampled_poles
 from sysid.models.frequency_response import NORMAL_95
+from sysid.polynomial.response_features import response_features
 from sysid.records.arrays import ComplexArray
 from sysid.records.printing import AT_ZERO, poles_table
 from sysid.validation.command_baseline import CommandBaseline
@@ -59,19 +61,31 @@ def result_tables(found: FileIdentification) -> tuple[ResultTable, ...]:
     if choice is not None:
         rows.append(("choice", choice.reason))
     tables = [ResultTable(found.title, ("", ""), (*rows, *model_rows(found.result)))]
-    poles = poles_table(model.poles(), model.model.dt).columns
-    if poles[0][1]:
-        columns = tuple(heading for heading, _ in poles)
-        cells = tuple(zip(*(cells for _, cells in poles), strict=True))
-        tables.append(ResultTable("Poles from input to output", columns, cells))
+    tables += _pole_tables(model)
     if choice is not None:
         tables.append(_candidate_table(choice))
     if found.result.agreement is not None and not found.result.agreement.test.untested:
         tables.append(_runs_table(found.result.agreement, found.result.fitted.parts[0]))
     # The parameters of a state-space model are coordinates, which mean nothing one by one.
-    if model.polynomials is not None and len(model.parameters) <= LISTED:
+    has_meaning = model.polynomials is not None or isinstance(model, ContinuousEstimate)
+    if has_meaning and len(model.parameters) <= LISTED:
         tables.append(_parameter_table(model))
     return tuple(tables)
+
+
+def _pole_tables(model: Estimate) -> list[ResultTable]:
+    """Poles with what they mean in time; of a continuous-time model with intervals, of an impulse response none."""
+    if model.method == "impulseest":
+        return []
+    if isinstance(model, ContinuousEstimate):
+        columns = damp(model).table().columns
+    else:
+        columns = poles_table(model.poles(), model.model.dt).columns
+    if not columns[0][1]:
+        return []
+    headings = tuple(heading for heading, _ in columns)
+    cells = tuple(zip(*(cells for _, cells in columns), strict=True))
+    return [ResultTable("Poles from input to output", headings, cells)]
 
 
 def _candidate_table(choice: StructureChoice) -> ResultTable:
@@ -259,7 +273,7 @@ def _integrates(fitted: FittedModel) -> bool:
     Gain at 0 Hz and bandwidth of such a model mean nothing, and nothing depends on them.
     """
     longest = max(map(len, fitted.parts))
-    distances = np.abs(fitted.estimate.poles() - 1.0)
+    distances = np.abs(sampled_poles(fitted.estimate) - 1.0)
     return bool((distances < 1.0 / (LASTING * longest)).any())
 
 
@@ -275,6 +289,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         *_fit_rows(result.fit, first.output_names or ()),
         *_baseline_rows(result.baseline),
         *_bandwidth_rows(fitted),
+        *_response_rows(fitted),
         *_noise_rows(fitted.estimate, unit),
         *_residual_rows(result.test, result.untested),
         *_nonlinearity_rows(result),
@@ -334,6 +349,25 @@ def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
     return rows
 
 
+def _response_rows(fitted: FittedModel) -> list[tuple[str, str]]:
+    """Delay and settling time of every path of an impulse response, which has no other parameters to show."""
+    if fitted.estimate.method != "impulseest":
+        return []
+    first, rows = fitted.parts[0], []
+    for features, name in zip(response_features(fitted.estimate), first.input_names or (), strict=True):
+        path = f", {name} → {(first.output_names or ())[0]}" if first.nu > 1 else ""
+        delay = "no sample differs from zero"
+        if features.delay is not None:
+            delay = f"{features.delay} samples, {features.delay * first.dt:.4g} s"
+        rows.append((f"first response{path}", delay))
+        rows.append((f"gain of the response{path}", f"{features.gain:.4g} ± {features.gain_deviation:.2g}"))
+        settling = "not within the response"
+        if features.settling is not None:
+            settling = f"{features.settling * first.dt:.4g} s, to within 2 % of the gain"
+        rows.append((f"settling time{path}", settling))
+    return rows
+
+
 def _bandwidth_in_words(claim: BandwidthClaim) -> str:
     if not np.isfinite(claim.hz):
         return "—" if claim.refused else "none below Nyquist"
@@ -345,11 +379,19 @@ def _noise_rows(model: Estimate, unit: str) -> list[tuple[str, str]]:
     noise = np.sqrt(np.diag(model.noise_variance))
     square = f"{unit}²" if unit else ""
     return [
-        ("zeros (z plane)", roots_text(model.zeros())),
+        *_zero_rows(model),
         ("standard deviation of the noise", ", ".join(f"{deviation:.4g}{unit}" for deviation in noise)),
         ("final prediction error", f"{model.fpe:.4g}{square}"),
         ("AIC, BIC (normalised, per sample)", f"{model.aic:.5g}, {model.bic:.5g}"),
     ]
+
+
+def _zero_rows(model: Estimate) -> list[tuple[str, str]]:
+    if model.method == "impulseest":
+        return []
+    if isinstance(model, ContinuousEstimate):
+        return [("zeros / (rad/s)", roots_text(model.zeros()))]
+    return [("zeros (z plane)", roots_text(model.zeros()))]
 
 
 def _residual_rows(test: ResidualTest | None, untested: str) -> list[tuple[str, str]]:

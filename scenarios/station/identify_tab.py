@@ -30,7 +30,9 @@ FILE, EXCITED, CHOICE = "a file", "the excited one", "choose for me"
 SHARES = {"the same samples": 0.0, "its last quarter": 0.25, "its second half": 0.5}
 """Parts of the record that judge the model, by their words."""
 
-MENU = {CHOICE: None, **{f"{name.upper()}: {estimator.title}": name for name, estimator in ESTIMATORS.items()}}
+_LISTED = {f"{method.name.upper()}: {method.title}": method.name for method in ESTIMATORS.values() if not method.words}
+
+MENU = {CHOICE: None, **_LISTED}
 """Estimators by the words of the menu."""
 
 LIMITS = {"nb": (1, 10), "nf": (0, 10), "order": (1, 12), "p": (1, 60)}
@@ -161,7 +163,10 @@ class IdentifyTab:
         defaults: dict[str, int] = {}
         if method is not None and not (method in ORDERS and self._choose.value):
             # Order two is a start for every structure; what the estimator has a default for keeps it.
-            defaults = {**dict.fromkeys(ESTIMATORS[method].orders, 2), **ESTIMATORS[method].optional}
+            estimator = ESTIMATORS[method]
+            defaults = dict.fromkeys(estimator.orders, 2)
+            for name, order in estimator.optional.items():
+                defaults[name] = int(order)
         self._orders.visible = bool(defaults)
         # The same sliders stay, with the orders that were set.
         if tuple(defaults) == tuple(self._sliders):

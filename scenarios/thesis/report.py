@@ -1,11 +1,7 @@
 """HTML report of the study: one page, and the tables that are too long for it."""
 
-import base64
-import gzip
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,6 +11,7 @@ import numpy as np
 from hmtb_twin.files.atomic_write import check_place, write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
+from scenarios.report.chart_script import chart_script, compressed_plotly
 from scenarios.report.page import Page
 from scenarios.thesis.answer import Answer
 from scenarios.thesis.comparison import Comparison
@@ -67,15 +64,6 @@ def write_report(
     return path
 
 
-@cache
-def compressed_plotly() -> str:
-    """Return plotly.js as base64 of gzip, two fifths of its size, which browsers unpack by themselves."""
-    from plotly.offline import get_plotlyjs
-
-    # Without a time in it: equal reports have equal bytes.
-    return base64.b64encode(gzip.compress(get_plotlyjs().encode(), compresslevel=9, mtime=0)).decode("ascii")
-
-
 def limits(spread: Spread | None, finding: Finding) -> str:
     """Return the range of a finding's number over the seeds, in brackets; empty where it does not move."""
     if spread is None or spread.low == spread.high or np.isnan(spread.low):
@@ -112,13 +100,10 @@ def html(contents: ReportContents) -> tuple[str, LongTables]:
         "csv": tables.take,
     }
     page = Page(filters)
-    chart_data = {name: figure.chart.data() for name, figure in contents.figures.items()}
-    # Without NaN, which no browser reads in JSON: better an error here than an empty page.
-    charts = json.dumps(chart_data, separators=(",", ":"), allow_nan=False)
+    charts = chart_script({name: figure.chart for name, figure in contents.figures.items()})
     fields = vars(contents)
     # On paper the answer comes first and then the contents, which are known once all sections are rendered.
     answer = page.render("answer.html.j2", fields)
     body = page.render("body.html.j2", fields)
-    # An end tag inside a string would end the script.
-    scripts = {"charts": charts.replace("</", "<\\/"), "plotly": compressed_plotly()}
+    scripts = {"charts": charts, "plotly": compressed_plotly()}
     return page.render("report.html.j2", {**fields, **scripts, "answer": answer, "body": body}), tables

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from sysid.models.continuous_estimate import sampled_poles
 from sysid.models.estimate import Bandwidth, Estimate
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace
@@ -175,7 +176,7 @@ def bandwidth_claim(
     band = estimate.bandwidth() if band is None else band
     hz, low, high = band.path(output, input)
     lowest, _ = excited_band(record, input=input)
-    poles = estimate.poles()
+    poles = sampled_poles(estimate)
     objections: list[str] = []
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
         objections.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")

@@ -79,6 +79,13 @@ def continuous_estimate(
     return ContinuousEstimate(**estimate_fields(estimate), realise_continuous=realise_continuous)
 
 
+def sampled_poles(estimate: Estimate) -> ComplexArray:
+    """Poles in the z plane from input to output, of a continuous-time model those of its sampling."""
+    if isinstance(estimate, ContinuousEstimate):
+        return estimate.model.input_path().poles()
+    return estimate.poles()
+
+
 def estimate_fields(estimate: Estimate) -> dict[str, Any]:
     """Fields of `Estimate` by name, without those of a continuous-time model."""
     return {field.name: getattr(estimate, field.name) for field in fields(Estimate)}
@@ -128,7 +135,8 @@ def _texts_with_intervals(band: Band) -> list[str]:
 
 def _with_interval(value: float, low: float, high: float) -> str:
     """Value and interval to the second digit of its width, at least three."""
-    if not (low < high and np.isfinite(value)):
+    # an interval without end says no more than none
+    if not (low < high and np.isfinite([value, low, high]).all()):
         return number(value)
     relative_width = (high - low) / max(abs(value), high - low)
     digits = int(np.clip(2 - np.floor(np.log10(relative_width)), 3, 12))

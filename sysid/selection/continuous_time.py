@@ -51,6 +51,9 @@ OVERDAMPED = 0.9
 INTEGRATES = 0.1
 """Time constant, relative to the longest record, from which on an integrator may be in its place."""
 
+FASTEST = 2.0 * np.pi
+"""Modulus of a pole, times the sampling interval, from which on samples do not show it: that of the sampling rate."""
+
 UNFIT = 1e9
 """What stands above the criterion of a candidate that follows a disturbance, so that it comes last."""
 
@@ -238,6 +241,11 @@ class _AtDelay:
     def integrators(self) -> int:
         """1 for an integrator, else 0."""
         return self.structure.integrators
+
+    @property
+    def resonates(self) -> bool:
+        """Whether poles may be complex."""
+        return self.structure.resonates
 
     def parameters(self, path: TransferFunction) -> FloatArray:
         """Parameters (p,) of a transfer function."""
@@ -466,7 +474,11 @@ class _CandidateSearch:
         radius = float(np.exp(criterion.experiments[0].dt * poles.real.max(initial=-np.inf)))
         loss = at.cost / at.errors
         drive = _drive(criterion, minimum, half, tables)
-        return Candidate(self.method, self._orders(structure), len(at.theta), loss, ebic, np.nan, radius, drive)
+        # such a pole and the delay have nearly one effect, and neither has a value
+        is_fast = float(np.abs(poles).max(initial=0.0)) * criterion.experiments[0].dt > FASTEST
+        doubt = "a pole faster than samples show" if is_fast else ""
+        orders = self._orders(structure)
+        return Candidate(self.method, orders, len(at.theta), loss, ebic, np.nan, radius, drive, doubt=doubt)
 
     def _counted_errors(self, criterion: OutputError, experiment: IOData, theta: FloatArray) -> FloatArray:
         """Errors of an experiment behind the longest delay of any candidate, which all have."""

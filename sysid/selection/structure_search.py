@@ -116,6 +116,7 @@ class Candidate:
         trend: Degree of the trend of the output in it, see `Orders`.
         vague_offset: Whether its constant lies far outside the record: beside a slow mode it is a straight line, and no
             level.
+        doubt: Another reason why it may not be chosen, in words; empty if there is none.
     """
 
     method: str
@@ -130,6 +131,7 @@ class Candidate:
     transients: float = 0.0
     trend: int = NO_TREND
     vague_offset: bool = False
+    doubt: str = ""
 
     def __str__(self) -> str:
         """Method and orders."""
@@ -145,6 +147,8 @@ class Candidate:
     @property
     def remark(self) -> str:
         """Whether the model is unstable or nearly so, and whether the input drives its slow modes; empty if not."""
+        if self.doubt:
+            return self.doubt
         if self.vague_offset:
             return "a level far outside the record"
         if not self.drive >= DRIVEN:
@@ -156,6 +160,8 @@ class Candidate:
     @property
     def eligible(self) -> bool:
         """Whether it may be chosen: its slow modes are driven by the input, and it is stable or surely unstable."""
+        if self.doubt:
+            return False
         return self.drive >= DRIVEN and (self.radius < 1.0 or self.excess > DEVIATIONS)
 
 

@@ -34,10 +34,11 @@ def test_it_is_offered_by_what_it_returns(name):
     """On the command line with its help and in the station's menu; as a baseline; on the test bench."""
     method, metavar = METHODS[name], inspect.signature(identify).parameters["method"].annotation.__metadata__[0].metavar
     is_estimate = method.returns == "estimate"
-    assert (name in ESTIMATORS) == (name in metavar.split("|")) == (name in MENU.values()) == is_estimate
+    assert (name in ESTIMATORS) == (name in metavar.split("|")) == is_estimate
+    assert (name in MENU.values()) == (is_estimate and not method.words)
     assert (f"{name} {method.usage}" in (identify.__doc__ or "")) == is_estimate
     orders = tuple(max(1, method.least.get(order, 1)) for order in method.orders)
-    if method.returns == "model":
+    if method.returns == "model" or method.words:
         with pytest.raises(ScenarioError, match=f"unknown method '{name}'"):
             Method(name, orders)
     else:
@@ -49,7 +50,7 @@ def test_it_is_offered_by_what_it_returns(name):
         assert callable(getattr(ours, known.estimator.target.rpartition(":")[2]))
 
 
-@pytest.mark.parametrize("name", [name for name, method in METHODS.items() if method.returns == "estimate"])
+@pytest.mark.parametrize("name", [name for name in ESTIMATORS if METHODS[name].bench])
 def test_the_bench_and_the_baselines_call_the_same_function(name):
     """With the options of the bench and its orders; a baseline takes an operating point beside it."""
     record, bench = problem("p3@400").draw(1), BENCH_ENTRIES[name]

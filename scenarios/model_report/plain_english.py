@@ -1,0 +1,71 @@
+"""What a model says, in plain English."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenarios.identification.file_identification import FileIdentification
+from scenarios.identification.result_tables import INTEGRATES, verdict
+from sysid.models.confidence_bands import band
+
+GRADES = {"sufficient": "yes", "undecided": "partly", "not sufficient": "not", "residuals not tested": "cannot"}
+"""Beginnings of verdicts, with the class of their badge."""
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Head of the report.
+
+    Attributes:
+        grade: First words of the verdict.
+        badge: Class of its badge.
+        reason: The rest of it.
+        sentences: What the model says of every path, a sentence each.
+    """
+
+    grade: str
+    badge: str
+    reason: str
+    sentences: tuple[str, ...]
+
+
+def summary(found: FileIdentification) -> Summary:
+    """Return the verdict and what the model says of every path."""
+    text = verdict(found.result)
+    grade = next((name for name in GRADES if text.startswith(name)), text.partition(":")[0])
+    reason = text.removeprefix(grade).lstrip(":; ")
+    fitted = found.result.fitted
+    first = fitted.parts[0]
+    gains = _gains(found)
+    sentences = []
+    for i, output in enumerate(first.output_names or ()):
+        for j, input in enumerate(first.input_names or ()):
+            claim = fitted.claims[i][j]
+            sentence = f"{input} → {output}: {gains[i][j]}"
+            if np.isfinite(claim.hz):
+                sentence += f"; it follows up to {claim.hz:.3g} Hz (-3 dB)"
+            if np.isfinite(claim.low):
+                sentence += f", 95 % interval {claim.low:.3g} to {claim.high:.3g} Hz"
+            sentences.append(f"{sentence}.")
+    return Summary(grade[:1].upper() + grade[1:], GRADES.get(grade, "cannot"), reason, tuple(sentences))
+
+
+def _gains(found: FileIdentification) -> list[list[str]]:
+    """Gain at 0 Hz of every path with its 95 % interval, in words."""
+    estimate = found.result.fitted.estimate
+    gain = estimate.dc_gain()
+    low = high = np.full(gain.shape, np.nan)
+    if np.isfinite(estimate.covariance).all() and np.isfinite(gain).all():
+        low, high = band(estimate, lambda model: model.dc_gain()).ci95
+    rows = []
+    for i in range(len(gain)):
+        row = []
+        for j in range(gain.shape[1]):
+            # "not <" also catches a gain that is NaN
+            if not abs(gain[i, j]) < INTEGRATES:
+                row.append("it integrates, and has no gain at 0 Hz")
+                continue
+            interval = f" (95 % interval {low[i, j]:.4g} to {high[i, j]:.4g})" if np.isfinite(low[i, j]) else ""
+            row.append(f"the gain at 0 Hz is {gain[i, j]:.4g}{interval}")
+        rows.append(row)
+    return rows

@@ -1,0 +1,104 @@
+"""Report of one model: the verdict first, every number that the command prints, charts that need no network."""
+
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from scenarios.commands.cli import main
+from scenarios.identification.file_identification import identify_files
+from scenarios.identification.result_tables import verdict
+from scenarios.model_report import model_charts, summary
+
+DT = 0.05
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    """A first-order lag of gain 2 with three samples of delay and white noise, 800 samples."""
+    rng = np.random.default_rng(11)
+    u = np.repeat(rng.choice([-1.0, 1.0], 80), 10)
+    y = lfilter([0, 0, 0, 0.4], [1, -0.8], u)
+    y += 0.02 * rng.standard_normal(len(y))
+    path = tmp_path_factory.mktemp("record") / "lag.csv"
+    table = np.column_stack((DT * np.arange(len(u)), u, y))
+    np.savetxt(path, table, delimiter=",", header="t,u,y", comments="")
+    return path
+
+
+@pytest.fixture(scope="module")
+def found(record):
+    return identify_files([record], method="oe", orders=(1, 1, 3), held_out=0.25)
+
+
+def test_the_summary_says_verdict_gain_and_bandwidth(found):
+    head = summary(found)
+    assert head.grade == "Sufficient" and head.badge == "yes"
+    assert verdict(found.result).endswith(head.reason)
+    (sentence,) = head.sentences
+    gain, low, high = map(float, re.findall(r"is ([\d.]+) \(95 % interval ([\d.]+) to ([\d.]+)\)", sentence)[0])
+    assert low < 2.0 < high and gain == pytest.approx(2.0, rel=0.02)
+    # of 0.4/(1 - 0.8/q) by bisection on its gain
+    hz = float(re.findall(r"up to ([\d.]+) Hz", sentence)[0])
+    z = np.exp(2j * np.pi * hz * DT)
+    assert abs(0.4 / (1.0 - 0.8 / z)) == pytest.approx(np.sqrt(2.0), rel=0.03)
+
+
+def test_charts_hold_the_measured_and_the_simulated_values(found):
+    charts = model_charts(found.result)
+    assert list(charts) == ["outputs", "step", "bode", "residuals"]
+    (checked,) = found.result.checked
+    views = charts["outputs"].chart.views
+    measured, simulated = views["all", "y"][0].series
+    np.testing.assert_array_equal(measured.y, checked.y[checked.window :, 0])
+    np.testing.assert_array_equal(simulated.y, found.result.fit.simulated[checked.window :, 0])
+    assert measured.x[0] == pytest.approx(checked.start + checked.window * DT)
+    ((step,),) = charts["step"].chart.views.values()
+    (response,) = step.series
+    # a step of this lag: 2 (1 - 0.8^(k - 2)) from the third sample on
+    k = np.arange(len(response.y))
+    truth = np.where(k < 3, 0.0, 2.0 * (1.0 - 0.8 ** (k - 2.0)))
+    np.testing.assert_allclose(response.y, truth, atol=0.03)
+    ((gain, phase),) = charts["bode"].chart.views.values()
+    assert gain.marks[0][1] == found.result.fitted.claims[0][0].hz
+    model = next(series for series in gain.series if series.label == "model")
+    expected = 20.0 * np.log10(abs(0.4 / (1.0 - 0.8 * np.exp(-2j * np.pi * model.x * DT))))
+    np.testing.assert_allclose(model.y, expected, atol=0.3)
+    assert (model.low <= model.y).all() and (model.y <= model.high).all()
+    assert next(series for series in phase.series if series.label == "model").y[0] == pytest.approx(0.0, abs=5.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", [None, "tfest", "procest", "impulseest"])
+def test_the_page_is_complete_and_its_command_gives_the_same_model(record, tmp_path, capsys, method):
+    words = ["identify", str(record), "--out", str(tmp_path / "out")]
+    if method:
+        words += ["--method", method]
+    assert main(words) == 0
+    printed = capsys.readouterr().out
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert not re.search(r"(src|href)=\"(https?:)?//", page)
+    assert page.index('class="answer"') < page.index("<h2>The model</h2>") < page.index('data-chart="outputs"')
+    data = json.loads(re.search(r'id="charts">(.*?)</script>', page, re.DOTALL)[1])
+    assert set(data) == {"outputs", "step", "bode", "residuals"}
+    # the printed line goes on with the same model
+    line = next(line for line in printed.splitlines() if line.startswith("next: "))
+    _, program, *again = shlex.split(line)
+    assert program == "hmtb" and "--held-out" in again
+    again[again.index("--save") + 1] = str(tmp_path / "again.json")
+    assert main([*again, "--json"]) == 0
+    second = json.loads(capsys.readouterr().out)
+    assert main([*words[:2], *words[4:], "--json"]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert second["method"] == first["method"] and second["orders"] == first["orders"]
+    assert second["dc_gain"] == pytest.approx(first["dc_gain"], rel=1e-3)
+    assert second["bandwidth_hz"] == pytest.approx(first["bandwidth_hz"], rel=1e-3)
+    assert second["fit"]["simulation"] == pytest.approx(first["fit"]["simulation"], abs=0.01)
+    # Python gives what the command gives, and so does the call on the page
+    found = identify_files([record], method=method)
+    assert found.result.fit.simulation.tolist() == first["fit"]["simulation"]
+    assert list(found.result.fitted.estimate.parameters) == list(first["parameters"].values())
+    assert first["dc_gain"] == pytest.approx(2.0, rel=0.03)
