@@ -238,7 +238,8 @@ def auto(
     if not best.eligible:
         cautions.append(best.remark)
     if open_delay:
-        cautions.append(open_delay)
+        # gain and bandwidth may be known all the same: no caution, which withholds a verdict
+        reason += f"; {open_delay}"
     if unlike := _unlike_delays(estimate_of_delays, int(np.max(best.orders.get("order", 0)))):
         cautions.append(unlike)
     reason = "; ".join((reason, *cautions))
