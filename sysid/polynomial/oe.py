@@ -61,7 +61,8 @@ def oe(
             alone. The noise variance is then the squared robust deviation, and the covariance that of [Huber1981, sec.
             7.6].
         fixed: Coefficients that are known, by polynomial as `Polynomials` has them, NaN for those that are estimated:
-            `{"F": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero.
+            `{"F": [1, nan, 0.5]}`; with several inputs a row per input, or None. Their covariance is zero. A known
+            integrator is `{"F": [1, -1]}`; one beside other poles is fitted by sums of the input and offset=True.
         focus: "prediction", "simulation" (here the same), or a band
             (low, high) in Hz: inputs and outputs then pass the same Butterworth filter, whose transients do not count.
             The noise model and its variance are those of the filtered record.

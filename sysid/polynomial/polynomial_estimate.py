@@ -20,7 +20,7 @@ from sysid.models.state_space import StateSpace
 from sysid.polynomial.constraints import Constraint, FixedRows, constrained_search, fixed_coefficients
 from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
 from sysid.polynomial.error_jacobian import jacobian_of_record
-from sysid.polynomial.error_threshold import checked_error_threshold, huber_fit
+from sysid.polynomial.error_threshold import HuberFit, checked_error_threshold, huber_fit
 from sysid.polynomial.focus import Focus, checked_focus
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
@@ -235,45 +235,175 @@ def prediction_error_estimate(
     Errors of a record that passes a band need not be white, so that `coloured` holds.
     """
     _refuse_response(method, data)
+    problem = _checked_problem(
+        data,
+        order_values,
+        coloured=coloured,
+        initial_conditions=initial_conditions,
+        degree=trend_degree(offset, trend),
+        series=series,
+        error_threshold=error_threshold,
+        fixed=fixed,
+        focus=focus,
+    )
+    orders, experiments = problem.orders, problem.experiments
+    first = None if start is None else InitialEstimate("start", orders.parameters(start))
+    max_iterations = whole_number("max_iterations", max_iterations, 1)
+    conditions = problem.initial_conditions
+    find = partial(search, orders=orders, start=first, max_iterations=max_iterations, initial_conditions=conditions)
+    if problem.simulates:
+        return _simulation_estimate(method, problem, order_values, find)
+    result = _lowest_minimum(experiments, find, problem.constraint)
+    fit = _fit_at_minimum(method, problem, result, max_iterations)
+    messages, diagnostics = [*problem.messages, *fit.messages], fit.diagnostics
+    warn_each(messages, stacklevel=3)
+    # a fit with a constant is one of squares, and of all parameters
+    is_free = conditions is InitialConditions.ESTIMATED and problem.constraint is None
+    looks_for_offset = is_free and fit.huber is None and all(e.complete for e in experiments)
+    if looks_for_offset and problem.levelled is None and not any("offset" in message for message in messages):
+        of_offset = missing_constant(experiments, orders, fit.at)
+        messages += of_offset
+        warn_each(of_offset, stacklevel=3)
+    if problem.levelled is not None:
+        levelled = problem.levelled.subtract(fit.trends(problem))
+        experiments = levelled.experiments
+        diagnostics |= trend_diagnostics(levelled)
+    return make_estimate(
+        method,
+        experiments,
+        orders,
+        orders.select(*order_values),
+        theta=fit.at.theta,
+        covariance=fit.covariance,
+        variance=fit.variance,
+        diagnostics=diagnostics,
+        messages=messages,
+        at_rest=conditions is InitialConditions.ZERO,
+        recorded=problem.recorded,
+        looked_for_offset=looks_for_offset or fit.huber is not None,
+        looks_for_outliers=True,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Checked data and options of a prediction-error fit.
+
+    Attributes:
+        recorded: The records.
+        experiments: The same, filtered and without their trends.
+        levelled: These with their trends; None if none is estimated.
+        orders: The structure.
+        initial_conditions: Assumption about the time before each experiment.
+        coloured: Whether the covariance allows for errors that are not white.
+        threshold: Of errors that count by their squares, in robust deviations; 0 for none.
+        constraint: The free parameters; None if all are free.
+        simulates: Whether the simulation counts, beside a noise model.
+        messages: Warnings on the data.
+    """
+
+    recorded: tuple[IOData, ...]
+    experiments: tuple[IOData, ...]
+    levelled: Levelled | None
+    orders: Orders
+    initial_conditions: InitialConditions
+    coloured: bool
+    threshold: float
+    constraint: Constraint | None
+    simulates: bool
+    messages: list[str]
+
+
+def _checked_problem(
+    data: IOData | Sequence[IOData],
+    order_values: Mapping[str, Any],
+    *,
+    coloured: bool,
+    initial_conditions: InitialConditions | str,
+    degree: int,
+    series: bool,
+    error_threshold: float,
+    fixed: FixedRows | None,
+    focus: Focus,
+) -> Problem:
+    """Refuse data and options that do not go together; filter the records and subtract rough trends of this degree."""
     band, simulates = checked_focus(focus)
     coloured = truth_value("coloured", coloured) or band is not None
     # beside a noise model, only complete records show the colour
     shows_colour = not {"na", "nc", "nd"} & order_values.keys()
-    experiments = as_experiments(data, missing=shows_colour or not coloured, series=series)
-    orders = make_orders(experiments[0].nu, **order_values, trend=trend_degree(offset, trend))
+    recorded = as_experiments(data, missing=shows_colour or not coloured, series=series)
+    orders = make_orders(recorded[0].nu, **order_values, trend=degree)
     initial_conditions = InitialConditions.of(initial_conditions)
-    max_iterations = whole_number("max_iterations", max_iterations, 1)
     threshold = checked_error_threshold(error_threshold)
     if threshold and coloured and not shows_colour:
         raise SysidError("coloured=True or a band as focus, beside a noise model, needs error_threshold=0")
-    # without noise model, predictions are simulations
-    simulates = simulates and not shows_colour
-    if simulates and (threshold or fixed is not None or coloured):
-        raise SysidError("focus='simulation' beside a noise model needs error_threshold=0, fixed=None, coloured=False")
-    check_single_output(experiments)
-    letters = "".join(letter for letter in "ABCDF" if f"n{letter.lower()}" in order_values)
-    constraint = fixed_coefficients(fixed, orders, letters)
-    complete = all(e.complete for e in experiments)
-    if not complete and initial_conditions is InitialConditions.BACKCAST:
+    check_single_output(recorded)
+    is_backcast = initial_conditions is InitialConditions.BACKCAST
+    if is_backcast and not all(e.complete for e in recorded):
         raise SysidError(
             "initial_conditions=InitialConditions.BACKCAST needs complete outputs; ESTIMATED and ZERO do not, and "
             "data.complete_parts() cuts a record into experiments without gaps"
         )
-    rest = initial_conditions is InitialConditions.ZERO
-    recorded = experiments
+    # without noise model, predictions are simulations
+    simulates = simulates and not shows_colour
+    if simulates and (threshold or fixed is not None or coloured or is_backcast):
+        raise SysidError(
+            "focus='simulation' beside a noise model needs error_threshold=0, fixed=None, coloured=False and "
+            "initial_conditions 'estimated' or 'zero'"
+        )
+    letters = "".join(letter for letter in "ABCDF" if f"n{letter.lower()}" in order_values)
+    constraint = fixed_coefficients(fixed, orders, letters)
+    experiments = recorded
     if band is not None:
-        experiments = band.filtered(experiments, initial_conditions, orders.trend)
-    messages = _data_messages(experiments, orders, rest=rest)
-    levelled = level(experiments, orders.trend) if orders.trend_terms else None
+        experiments = band.filtered(experiments, initial_conditions, degree)
+    messages = _data_messages(experiments, orders, rest=initial_conditions is InitialConditions.ZERO)
+    levelled = level(experiments, degree) if orders.trend_terms else None
     if levelled is not None:
         experiments = levelled.experiments
-    first = None if start is None else InitialEstimate("start", orders.parameters(start))
-    find = partial(
-        search, orders=orders, start=first, max_iterations=max_iterations, initial_conditions=initial_conditions
+    return Problem(
+        recorded=recorded,
+        experiments=experiments,
+        levelled=levelled,
+        orders=orders,
+        initial_conditions=initial_conditions,
+        coloured=coloured,
+        threshold=threshold,
+        constraint=constraint,
+        simulates=simulates,
+        messages=messages,
     )
-    if simulates:
-        return _simulation_estimate(method, experiments, recorded, levelled, order_values, find, messages)
-    result = _lowest_minimum(experiments, find, constraint)
+
+
+@dataclass(frozen=True, eq=False)
+class FitAtMinimum:
+    """Parameters and their covariance, by squares or by Huber's loss.
+
+    Attributes:
+        at: Criterion at the parameters, of squares.
+        covariance: Of the parameters (p, p).
+        variance: Of the innovation.
+        diagnostics: What the estimate reports of the search.
+        messages: Warnings on the search.
+        huber: Minimum of Huber's loss; None without an error threshold.
+    """
+
+    at: Linearisation
+    covariance: FloatArray
+    variance: float
+    diagnostics: dict[str, Any]
+    messages: list[str]
+    huber: HuberFit | None
+
+    def trends(self, problem: Problem) -> list[FloatArray]:
+        """Trend of the output (N_i,) of each experiment."""
+        if self.huber is not None:
+            return self.huber.trends_of_outputs
+        return trends_of_outputs(problem.experiments, problem.orders, self.at.theta, problem.initial_conditions)
+
+
+def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iterations: int) -> FitAtMinimum:
+    """Covariance at the minimum of the squares; with a threshold, the minimum of Huber's loss from there."""
+    orders, experiments, constraint = problem.orders, problem.experiments, problem.constraint
     at = result.best.at
     half, condition = directions(at)
     diagnostics = _diagnostics(result, condition)
@@ -282,56 +412,28 @@ def prediction_error_estimate(
         half = constraint.basis @ half
         searched, free_count = constraint.searched(orders, at.theta), constraint.count
         diagnostics["effective_parameters"] = free_count
-    variance = at.sum_of_squares / (at.errors - free_count - at.transients)
-    messages += _search_messages(method, result.best, condition) + _near_unit_circle(orders, searched)
-    huber = None
-    if threshold:
-        huber = huber_fit(
-            experiments,
-            orders,
-            at.theta,
-            threshold,
-            initial_conditions,
-            max_iterations=max_iterations,
-            constraint=constraint,
+    messages = _search_messages(method, result.best, condition) + _near_unit_circle(orders, searched)
+    if not problem.threshold:
+        variance = at.sum_of_squares / (at.errors - free_count - at.transients)
+        covariance = _covariance(
+            experiments, orders, at, half, variance, problem.initial_conditions, coloured=problem.coloured
         )
-        at, variance = replace(at, theta=huber.theta), huber.scale**2
-        covariance = huber.covariance(_colour_order(at) if coloured else 0)
-        messages += huber.messages
-        diagnostics |= huber.diagnostics
-    else:
-        covariance = _covariance(experiments, orders, at, half, variance, initial_conditions, coloured=coloured)
-    messages += _long_memory(orders, at)
-    warn_each(messages, stacklevel=3)
-    # a fit with a constant is one of squares, and of all parameters
-    is_free = initial_conditions is InitialConditions.ESTIMATED and huber is None and constraint is None
-    if complete and is_free and levelled is None and not any("offset" in message for message in messages):
-        of_offset = missing_constant(experiments, orders, at)
-        messages += of_offset
-        warn_each(of_offset, stacklevel=3)
-    if levelled is not None:
-        if huber is None:
-            trends = trends_of_outputs(experiments, orders, at.theta, initial_conditions)
-        else:
-            trends = huber.trends_of_outputs
-        levelled = levelled.subtract(trends)
-        experiments = levelled.experiments
-        diagnostics |= trend_diagnostics(levelled)
-    return make_estimate(
-        method,
+        messages += _long_memory(orders, at)
+        return FitAtMinimum(at, covariance, variance, diagnostics, messages, None)
+    huber = huber_fit(
         experiments,
         orders,
-        orders.select(*order_values),
-        theta=at.theta,
-        covariance=covariance,
-        variance=variance,
-        diagnostics=diagnostics,
-        messages=messages,
-        at_rest=rest,
-        recorded=recorded,
-        looked_for_offset=(complete and is_free) or huber is not None,
-        looks_for_outliers=True,
+        at.theta,
+        problem.threshold,
+        problem.initial_conditions,
+        max_iterations=max_iterations,
+        constraint=constraint,
     )
+    at = replace(at, theta=huber.theta)
+    colour_order = _colour_order(at) if problem.coloured else 0
+    messages += huber.messages + _long_memory(orders, at)
+    diagnostics |= huber.diagnostics
+    return FitAtMinimum(at, huber.covariance(colour_order), huber.scale**2, diagnostics, messages, huber)
 
 
 def _refuse_response(method: str, data: object) -> None:
@@ -344,20 +446,15 @@ def _refuse_response(method: str, data: object) -> None:
 
 
 def _simulation_estimate(
-    method: str,
-    experiments: Sequence[IOData],
-    recorded: Sequence[IOData],
-    levelled: Levelled | None,
-    order_values: Mapping[str, Any],
-    find: partial[Search],
-    messages: list[str],
+    method: str, problem: Problem, order_values: Mapping[str, Any], find: partial[Search]
 ) -> Estimate:
     """Estimate whose path minimises the simulation errors.
 
     The covariance of A, B and F allows for a disturbance of any colour that is independent of the input; that of C and
     D takes the path as known, and the two as uncorrelated.
     """
-    orders, initial_conditions = find.keywords["orders"], find.keywords["initial_conditions"]
+    orders, initial_conditions = problem.orders, problem.initial_conditions
+    experiments, levelled = problem.experiments, problem.levelled
     starts = partial(initial_estimates, _for_starts(experiments, orders, initial_conditions))
     result = simulation_search(experiments, starts, find)
     at = result.path.best.at
@@ -375,7 +472,7 @@ def _simulation_estimate(
         of_noise, _ = directions(result.noise.best.at)
         of_noise = result.noise_basis @ of_noise
         covariance += variance * of_noise @ of_noise.T
-    messages += _search_messages(method, result.path.best, condition)
+    messages = [*problem.messages, *_search_messages(method, result.path.best, condition)]
     messages += _near_unit_circle(orders, result.theta)
     warn_each(messages, stacklevel=4)
     diagnostics = _diagnostics(result.path, condition)
@@ -395,7 +492,7 @@ def _simulation_estimate(
         diagnostics=diagnostics,
         messages=messages,
         at_rest=initial_conditions is InitialConditions.ZERO,
-        recorded=recorded,
+        recorded=problem.recorded,
         looks_for_outliers=True,
     )
 
