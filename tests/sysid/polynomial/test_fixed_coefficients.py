@@ -85,6 +85,14 @@ def test_a_known_integrator(rng):
     assert fit.parameters[0] == pytest.approx(slope, rel=1e-9)
 
 
+def test_an_integrator_beside_other_poles_is_a_sum_of_the_input(rng):
+    u = rng.standard_normal(1000)
+    y = lfilter(B, np.convolve(F, [1.0, -1.0]), u) + 0.2 * rng.standard_normal(1000)
+    fit = sysid.oe(IOData(np.cumsum(u), y, dt=0.1), 2, 2, offset=True)
+    deviations = np.sqrt(np.diag(fit.covariance))
+    assert (np.abs(fit.parameters - [*B[1:], *F[1:]]) < 4.0 * deviations).all()
+
+
 @pytest.mark.parametrize(
     ("estimator", "orders", "fixed", "known"),
     [
