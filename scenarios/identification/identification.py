@@ -24,7 +24,7 @@ from sysid.models.continuous_estimate import ContinuousEstimate, sampled_poles
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import trends_of_outputs
-from sysid.polynomial.trends import trend_degree
+from sysid.polynomial.trends import subtract_lines, trend_degree
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
@@ -247,19 +247,11 @@ def _check_trend(method: str, trend: Mapping[str, bool]) -> None:
 
 def _without_trends(model: Estimate, parts: Sequence[IOData]) -> tuple[IOData, ...]:
     """The records that a model was estimated from, without the trends that it found in them."""
-    without = []
     offsets, slopes = model.diagnostics["offsets"], model.diagnostics.get("slopes")
     if isinstance(model, ContinuousEstimate):
         # one sequence for each output, not for each experiment
         offsets = list(zip(*offsets, strict=True))
-    for k, part in enumerate(parts):
-        trend = np.broadcast_to(np.array(offsets[k]), part.y.shape)
-        if slopes is not None:
-            # The offset of a line is its mean.
-            time = (np.arange(len(part)) - 0.5 * (len(part) - 1)) * part.dt
-            trend = trend + time[:, None] * np.array(slopes[k])
-        without.append(part.subtract(y=trend))
-    return tuple(without)
+    return subtract_lines(parts, offsets, slopes)
 
 
 def identify(

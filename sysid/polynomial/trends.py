@@ -69,6 +69,27 @@ class Levelled:
         return Levelled(tuple(experiments), tuple(total))
 
 
+def subtract_lines(
+    experiments: Sequence[IOData], offsets: Sequence[Sequence[float]], slopes: Sequence[Sequence[float]] | None = None
+) -> tuple[IOData, ...]:
+    """The experiments without constants or straight lines in their outputs, as estimates with a trend give them.
+
+    Args:
+        experiments: The experiments.
+        offsets: Of each experiment the mean of the line in every output (experiments, ny).
+        slopes: Of each the slopes per second, likewise; None of constants.
+    """
+    without = []
+    for k, experiment in enumerate(experiments):
+        line = np.broadcast_to(np.array(offsets[k]), experiment.y.shape)
+        if slopes is not None:
+            # the offset of a line is its mean
+            time = (np.arange(len(experiment)) - 0.5 * (len(experiment) - 1)) * experiment.dt
+            line = line + time[:, None] * np.array(slopes[k])
+        without.append(experiment.subtract(y=line))
+    return tuple(without)
+
+
 def best_degree(experiments: Sequence[IOData], penalty: float) -> int:
     """Degree of the trend that an ARX model of many lags needs, by an information criterion; -1 if none.
 

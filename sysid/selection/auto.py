@@ -14,7 +14,7 @@ from sysid.frequency.delayest import AMBIGUOUS, DelayEstimate, IntArray, delayes
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
-from sysid.polynomial.trends import LINE, OFFSET, best_degree, level
+from sysid.polynomial.trends import LINE, OFFSET, best_degree, level, subtract_lines
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
@@ -285,7 +285,11 @@ def _objection(best: Candidate, estimate: Estimate, experiments: Experiments, fe
     is_settling = best.eligible and not np.isfinite(best.drive) and estimate.model.input_path().is_stable()
     if experiments[0].ny > 1 or not is_settling:
         return Objection.NONE
-    parts = _without_trend(tuple(complete_parts(experiments)), best.trend)
+    if best.trend != NO_TREND:
+        # beside a predictor that forgets slowly, another line than its own would leave errors for the whole record
+        found = estimate.diagnostics
+        experiments = subtract_lines(experiments, found["offsets"], found.get("slopes"))
+    parts = complete_parts(experiments)
     test = nonlinearity(estimate, parts, named=False)
     if test is not None and test.material.any():
         return Objection.NONLINEAR

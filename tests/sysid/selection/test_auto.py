@@ -218,3 +218,14 @@ def test_a_delay_that_a_lag_may_stand_for_is_said():
     fast = rng.choice([-1.0, 1.0], 1000)
     moved = scipy.signal.lfilter([0, 0, 0, 0.02], np.poly([0.9, 0.8]), fast) + 0.02 * rng.standard_normal(1000)
     assert "lag and delay" not in auto(IOData(fast, moved, 0.01), methods=["oe"]).reason
+
+
+def test_a_slow_sine_beside_the_plant_is_left_to_the_noise_model():
+    """Simulated errors are those of the disturbance: they may choose only where residuals object to the best."""
+    rng, samples = np.random.default_rng(1000), 300
+    u = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 100), 4)[:samples]
+    plant = lfilter([0, 0.1], [1, -0.9], u)
+    sine = np.sqrt(2) * np.sin(2 * np.pi * 3.3 * np.arange(samples) / 400 + 1) + 0.2 * rng.standard_normal(samples)
+    choice = auto(IOData(u, plant + 0.3 * plant.std() * sine, 0.02).detrend())
+    assert choice.candidates[0].method == "bj"
+    assert choice.estimate.dc_gain()[0, 0] == pytest.approx(1.0, abs=0.1)
