@@ -224,7 +224,7 @@ def test_a_slow_sine_beside_the_plant_is_left_to_the_noise_model():
     """Simulated errors are those of the disturbance: they may choose only where residuals object to the best."""
     rng, samples = np.random.default_rng(1000), 300
     u = np.repeat(np.random.default_rng(0).choice([-1.0, 1.0], 100), 4)[:samples]
-    plant = lfilter([0, 0.1], [1, -0.9], u)
+    plant = scipy.signal.lfilter([0, 0.1], [1, -0.9], u)
     sine = np.sqrt(2) * np.sin(2 * np.pi * 3.3 * np.arange(samples) / 400 + 1) + 0.2 * rng.standard_normal(samples)
     choice = auto(IOData(u, plant + 0.3 * plant.std() * sine, 0.02).detrend())
     assert choice.candidates[0].method == "bj"
