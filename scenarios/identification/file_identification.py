@@ -16,6 +16,12 @@ from sysid import IOData, StructureChoice
 from sysid.records.channels import listed
 from sysid.records.importers import one_interval
 
+STEADY_END = (
+    "nothing is held out, because no input moves in the last quarter of the record: verdict and fits are on the "
+    "samples that the model was estimated from; another record would judge it (--validate)"
+)
+"""Remark on a record without an end to judge on."""
+
 
 @dataclass(frozen=True, eq=False)
 class FileIdentification:
@@ -174,8 +180,10 @@ def identify_files(
         title += f", fits to {validate.name}"
     elif check:
         title += f", fits to {_held_out_in_words(check[0], data)}"
-    messages = (str(warning.message) for warning in caught)
+    messages = tuple(str(warning.message) for warning in caught)
     is_held_out = validate is None and check is not None
+    if check is None and share > 0.0 and max(map(len, records)) >= SHORTEST:
+        messages = (*messages, STEADY_END)
     return FileIdentification(
         title, result, choice, (*messages, *result.warnings), held_out=share if is_held_out else 0.0
     )

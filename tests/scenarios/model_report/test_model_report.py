@@ -102,3 +102,25 @@ def test_the_page_is_complete_and_its_command_gives_the_same_model(record, tmp_p
     assert found.result.fit.simulation.tolist() == first["fit"]["simulation"]
     assert list(found.result.fitted.estimate.parameters) == list(first["parameters"].values())
     assert first["dc_gain"] == pytest.approx(2.0, rel=0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["tfest", "procest", "impulseest", "arx"])
+def test_an_end_where_no_input_moves_judges_nothing(record, tmp_path, method):
+    """A steady last quarter would read a fit of 0 %, whatever the model is worth."""
+    t, u, y = np.loadtxt(record, delimiter=",", skiprows=1).T
+    # a last step early enough to settle; the lag forgets its input in 40 samples
+    last = 300
+    steady = np.where(np.arange(len(u)) < last, u, u[last])
+    settled = lfilter([0, 0, 0, 0.4], [1, -0.8], steady)
+    y = settled + 0.02 * np.random.default_rng(5).standard_normal(len(y))
+    path = tmp_path / "steady.csv"
+    np.savetxt(path, np.column_stack((t, steady, y)), delimiter=",", header="t,u,y", comments="")
+    found = identify_files([path], method=method)
+    assert found.held_out == 0.0 and "held_out" not in found.chosen_options
+    assert any("no input moves in the last quarter" in warning for warning in found.warnings)
+    assert found.result.fit.simulation.item() > 90.0
+    assert found.result.fitted.estimate.dc_gain().item() == pytest.approx(2.0, rel=0.03)
+    moving = identify_files([record], method=method)
+    assert moving.held_out == 0.25
+    assert not any("held out" in warning for warning in moving.warnings)
