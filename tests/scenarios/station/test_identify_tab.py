@@ -130,6 +130,9 @@ def test_truth_and_printed_models_are_those_of_hmtb_compare(tab, page, capsys):
 def test_orders_follow_the_estimator(tab):
     assert tab._estimator.value == CHOICE and not tab._sliders
     for method, entry in ESTIMATORS.items():
+        # orders that are words have no slider
+        if entry.words:
+            continue
         tab._estimator.value = WORDS[method]
         assert list(tab._sliders) == [*entry.orders, *entry.optional]
     choose(tab, "bj", 3, 2, 1, 4, 2)
