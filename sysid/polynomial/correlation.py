@@ -80,6 +80,9 @@ def autoregression(e: FloatArray, order: int, *, select: bool = False) -> tuple[
     """
     covariances = covariance_with_gaps if np.isnan(e).any() else covariance_function
     r = covariances([e[:, None]], [e[:, None]], order)[order:, 0, 0]
+    if not r[0] > 0.0:
+        # squares of a signal that is rounding alone vanish: as white as any
+        return np.eye(1, order + 1)[0], np.eye(1, min(len(e), GRID // 2))[0]
     # keeps the equations regular for a signal of a few sinusoids, or one that grows
     r[0] *= 1.0 + 1e-9
     if covariances is covariance_with_gaps:

@@ -33,6 +33,7 @@ def test_small_random_records():
         (1373, "polyest"),
         (1378, "cross_validate"),
         (1446, "okid"),
+        (1603, "ivx"),
         (2204, "procest"),
         (2204, "tfest"),
     ],
