@@ -36,6 +36,7 @@ EARLY = 0.5  # share of the input's movement, by its squared steps, from which o
 PRICE = 2.0  # in -2 log likelihood, of a pole with its coefficient of B
 NOTHING = 0.05  # bound on a response, relative to its peak, that counts as none
 RESPONSE = 200  # samples of a response in which its peak lies
+LEAST_POWER = 1e-250  # mean square of an output
 EXACT = 1e-20  # mean square error, relative to that of the output, that is rounding
 LIMIT = 1.0 - 1e-6  # radius at which roots of starts are kept
 
@@ -179,7 +180,9 @@ class ProfileSearch:
         self.records, self.largest = records, largest
         self.errors = sum(len(e) - e.window for e in records)
         y = [e.y[e.window :, 0] for e in records]
-        self.power = float(np.mean(np.concatenate([signal - signal.mean() for signal in y]) ** 2))
+        power = float(np.mean(np.concatenate([signal - signal.mean() for signal in y]) ** 2))
+        # the squares of an output that is rounding alone vanish, and have no logarithm
+        self.power = max(power, LEAST_POWER)
         # of -2 log likelihood, above the best
         self._rejection = float(scipy.stats.chi2.ppf(level, 1))
         self.fits: dict[Structure, Linearisation] = {}

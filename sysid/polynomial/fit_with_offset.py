@@ -3,11 +3,14 @@
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from sysid.models.companion_form import CompanionForm
 from sysid.models.estimate import Estimate
 from sysid.models.predict import residuals
+from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -150,12 +153,15 @@ def _error_table(model: StateSpace, record: IOData) -> FloatArray | None:
     predictor[:order] = np.hstack((model.A - model.gain @ model.C, model.gain))
     # after a gap the predictor is another one
     block = BLOCK if record.complete else len(record)
+    unit_errors = partial(_unit_errors, model)
+    if record.complete and CompanionForm.of(model.A) is None:
+        unit_errors = partial(_unit_errors_by_powers, model, predictor)
     table, starts = np.empty((0, order + model.ny + 1)), np.eye(order + model.ny)
     for first in range(0, len(record), block):
         piece = record[first : first + block]
         if first:
             starts = np.linalg.matrix_power(predictor, first)
-        columns = [*_unit_errors(model, piece, starts), errors[first : first + block]]
+        columns = [*unit_errors(piece, starts), errors[first : first + block]]
         # only known outputs after the initialisation window count
         in_time = np.arange(first, first + len(piece)) >= record.window
         counted = piece.known & in_time[:, None]
@@ -181,3 +187,20 @@ def _unit_errors(model: StateSpace, piece: IOData, starts: FloatArray) -> list[F
         constant = at_rest if k < model.order else replace(at_rest, y=at_rest.y + start[model.order :])
         errors.append(residuals(model, constant, x0=start[: model.order]))
     return errors
+
+
+def _unit_errors_by_powers(
+    model: StateSpace, predictor: FloatArray, piece: IOData, starts: FloatArray
+) -> list[FloatArray]:
+    """`_unit_errors` of complete records by powers of the predictor, for all units at once.
+
+    Filters keep more digits where poles of polynomial models lie close together.
+    """
+    to_errors = np.hstack((-model.C, np.eye(model.ny)))
+    responses = free_response(predictor, to_errors, len(piece))
+    table = np.zeros((len(piece), model.ny, len(starts)))
+    table[: len(responses)] = responses @ starts
+    if len(responses) < len(piece) and np.abs(responses[-1:]).max(initial=0.0) > ENDLESS:
+        # the predictor diverges, and the response ends where it is too large
+        table[len(responses) :] = np.inf
+    return list(np.moveaxis(table, 2, 0))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.records.arguments import one_of
 from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 Kernel = Literal["tc", "dc", "ss"]
 
@@ -105,6 +106,8 @@ def posterior_of_triangle(
     p = len(lengths) - 1
     # in units of the output, the bounds of the scales hold for data of any unit
     size = float(np.sqrt(power / rows))
+    if not size > 0.0:
+        raise SysidError("the squares of the output vanish: expected an output in a unit that gives it usual values")
     x, y = triangle[:, :p] * lengths[:p], triangle[:, p] * lengths[p]
     evidence = Evidence(x / size, y / size, rows, tuple(sizes), kernel)
     regressor_power = np.sum(x**2, axis=0) / size**2 / rows

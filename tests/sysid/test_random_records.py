@@ -34,6 +34,8 @@ def test_small_random_records():
         (1378, "cross_validate"),
         (1446, "okid"),
         (1603, "ivx"),
+        (1763, "delayest"),
+        (1763, "impulseest"),
         (2204, "procest"),
         (2204, "tfest"),
     ],
