@@ -205,6 +205,7 @@ COLOUR = 30  # highest order of the autoregressive model of a coloured disturban
 ROWS_PER_COEFFICIENT = 20  # least number of errors per coefficient of that model
 LONG = 100_000  # samples beyond which stretches of the records are searched first
 MEMORY = 8.0  # time constants of a root of C or D in a record, up to which intervals are known to fail
+FEW = 20  # errors for each parameter below which intervals of a noise model are known to be too narrow
 EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 
@@ -418,7 +419,7 @@ def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iteration
         covariance = _covariance(
             experiments, orders, at, half, variance, problem.initial_conditions, coloured=problem.coloured
         )
-        messages += _long_memory(orders, at)
+        messages += _long_memory(orders, at) or _short_record(orders, at)
         return FitAtMinimum(at, covariance, variance, diagnostics, messages, None)
     huber = huber_fit(
         experiments,
@@ -431,7 +432,7 @@ def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iteration
     )
     at = replace(at, theta=huber.theta)
     colour_order = _colour_order(at) if problem.coloured else 0
-    messages += huber.messages + _long_memory(orders, at)
+    messages += huber.messages + (_long_memory(orders, at) or _short_record(orders, at))
     diagnostics |= huber.diagnostics
     return FitAtMinimum(at, huber.covariance(colour_order), huber.scale**2, diagnostics, messages, huber)
 
@@ -654,6 +655,21 @@ def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
                 f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
             )
     return messages
+
+
+def _short_record(orders: Orders, at: Linearisation) -> list[str]:
+    """Message on a noise model from few errors, whose intervals are known to be too narrow.
+
+    95 % intervals of armax(2, 2, 2) held C in 83 % of 400 records of 80 samples (13 errors for each parameter), in 92 %
+    of 200 records of 200 samples, in 95 % at 500; those of A and B in 92, 93 and 94 %, those of oe in 94 % at 80. Those
+    of C and D of bj(2, 2, 2, 2), nearly cancelling, held in 38 % of 60 records of 80 samples, of B and F in 79 %.
+    """
+    if not (orders.nc or orders.nd) or at.errors >= FEW * orders.count:
+        return []
+    return [
+        f"{at.errors} errors for {orders.count} parameters are few: intervals of the noise model are too narrow, "
+        "above all those of C and D beside each other"
+    ]
 
 
 def _long_memory(orders: Orders, at: Linearisation) -> list[str]:
