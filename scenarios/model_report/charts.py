@@ -231,5 +231,5 @@ def _residual_panels(result: Identification, style: Style, i: int, j: int) -> tu
     cross_bounds = (("y", bound, ""), ("y", -bound, ""))
     first = Panel("lag / samples", "correlation with themselves", [of_residuals], marks=bounds)
     # another label than that of the first panel: axes of one label are linked on the page
-    label = "lag behind the input / samples"
+    label = "lag to input / samples"
     return first, Panel(label, "correlation with the input", [with_input], marks=cross_bounds)
