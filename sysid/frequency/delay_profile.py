@@ -77,7 +77,11 @@ def delay_profile(experiments: Sequence[IOData], largest: int, level: float) -> 
     records = _prepared(experiments, largest)
     records = _whitened(records, largest)
     search = ProfileSearch(records, largest, level)
+    shortest = min(len(e) - max(e.window, largest + MOST_POLES + 1) for e in records)
     for poles in range(MOST_POLES + 1):
+        if poles > max(shortest, 1):
+            # the free initial state of an experiment would fit all of it
+            break
         search.try_poles(poles)
         if poles - search.best_poles() >= PATIENCE:
             break

@@ -36,6 +36,8 @@ def test_small_random_records():
         (1603, "ivx"),
         (1763, "delayest"),
         (1763, "impulseest"),
+        (1820, "delayest"),
+        (1891, "delayest"),
         (2204, "procest"),
         (2204, "tfest"),
     ],
