@@ -212,9 +212,9 @@ class StateSpace(Locked):
             distance = z - triangle[i, i]
             if not distance.all():
                 raise SysidError(ON_A_POLE)
-            forced = (triangle[i, i + 1 :] @ states[i + 1 :]).reshape(len(z), -1) + drive[i]
+            forced = (triangle[i, i + 1 :] @ states[i + 1 :]).reshape(len(z), B.shape[1]) + drive[i]
             states[i] = (forced / distance[:, None]).ravel()
-        response = (self.C @ basis @ states).reshape(self.ny, len(z), -1)
+        response = (self.C @ basis @ states).reshape(self.ny, len(z), B.shape[1])
         return np.asarray(np.moveaxis(response, 0, 1) + D, dtype=np.complex128)
 
     def dc_gain(self) -> FloatArray:

@@ -100,6 +100,11 @@ def test_the_response_of_many_states_is_that_of_its_parts(monkeypatch):
     np.testing.assert_allclose(together, one_by_one, rtol=0.0, atol=1e-11 * np.abs(one_by_one).max())
 
 
+def test_the_response_of_many_states_at_no_frequency_is_empty():
+    many = StateSpace(0.5 * np.eye(30), np.ones((30, 2)), np.ones((1, 30)), np.zeros((1, 2)), None, 0.02)
+    assert many.frequency_response(np.zeros(0)).shape == (0, 1, 2)
+
+
 @pytest.mark.parametrize("delay", [0, 1, 3])
 def test_delays_leave_no_spurious_zeros(delay):
     zeros = np.array([1.4, 0.3 + 0.5j, 0.3 - 0.5j])
