@@ -127,9 +127,13 @@ def _checked_rows(
         )
     of_a, of_b, of_c, of_d, of_f = orders.ranges
     places = {"A": [of_a], "B": of_b, "C": [of_c], "D": [of_d], "F": of_f}
+    seen: set[str] = set()
     for letter, given_rows in fixed.items():
         if not isinstance(letter, str) or letter.upper() not in letters or len(letter) != 1:
             raise SysidError(f"fixed: expected polynomials among {', '.join(letters)}, got {shown(letter)}")
+        if letter.upper() in seen:
+            raise SysidError(f"fixed: {letter.upper()} given twice, as {letter.lower()!r} too; expected it once")
+        seen.add(letter.upper())
         positions = places[letter.upper()]
         rows = [given_rows]
         if len(positions) > 1:

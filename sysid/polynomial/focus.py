@@ -13,7 +13,7 @@ import scipy
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.trends import LINE, OFFSET
 from sysid.records.arguments import number_pair, shown
-from sysid.records.arrays import FloatArray
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 
@@ -65,24 +65,34 @@ class Band:
                     f"experiment {k} has missing samples, which no filter takes: expected focus='prediction', or "
                     "data.complete_parts() as experiments"
                 )
-        sections = self._sections(experiments[0].dt)
+        poles, sections = self._filter(experiments[0].dt)
+        self._check_resolution(max(len(experiment) * experiment.dt for experiment in experiments))
         if initial_conditions is InitialConditions.ZERO:
             return tuple(_passed(experiment, sections, at_rest=True) for experiment in experiments)
-        transient = _settling_samples(sections)
+        transient = _settling_samples(poles)
         shortest = min(len(experiment) - experiment.window for experiment in experiments)
         if transient > LONGEST * shortest:
             raise SysidError(
-                f"the filter of focus={(self.low, self.high)} takes {transient} samples to settle, the shortest record "
-                f"has {shortest}: expected a wider band, a longer record, or one from rest (initial_conditions='zero')"
+                f"the filter of focus={(self.low, self.high)} takes {transient:g} samples to settle, the shortest "
+                f"record has {shortest}: expected a wider band, a longer record, or one from rest "
+                "(initial_conditions='zero')"
             )
         filtered = []
         for experiment in experiments:
             passed = _passed(experiment, sections, at_rest=False)
-            filtered.append(replace(passed, window=max(experiment.window, transient)))
+            filtered.append(replace(passed, window=max(experiment.window, int(transient))))
         return tuple(filtered)
 
-    def _sections(self, dt: float) -> FloatArray:
-        """Second-order sections of the filter."""
+    def _check_resolution(self, duration: float) -> None:
+        """Refuse a band narrower than the distance of frequencies that a record of this duration, in s, resolves."""
+        if self.high - self.low < 1.0 / duration:
+            raise SysidError(
+                f"focus={(self.low, self.high)} is narrower than the longest record of {duration:g} s resolves: "
+                f"expected {1.0 / duration:.3g} Hz at least between the edges, or a longer record"
+            )
+
+    def _filter(self, dt: float) -> tuple[ComplexArray, FloatArray]:
+        """Poles of the filter, and its second-order sections."""
         nyquist = 0.5 / dt
         if self.low >= nyquist:
             raise SysidError(f"focus: expected a band that begins below Nyquist, {nyquist:g} Hz, got {self.low:g} Hz")
@@ -99,26 +109,28 @@ class Band:
                 f"focus: expected 'prediction' or a part of 0 to {nyquist:g} Hz, the Nyquist frequency, got all of it: "
                 f"{self.low:g} to {self.high:g} Hz"
             )
-        sections: FloatArray = scipy.signal.butter(FILTER_ORDER, np.squeeze(edges), kind, fs=1.0 / dt, output="sos")
-        return sections
+        zeros, poles, gain = scipy.signal.butter(FILTER_ORDER, np.squeeze(edges), kind, fs=1.0 / dt, output="zpk")
+        return poles, scipy.signal.zpk2sos(zeros, poles, gain)
 
 
 def _passed(experiment: IOData, sections: FloatArray, *, at_rest: bool) -> IOData:
     """All channels behind the filter, from rest or from the steady state of the first sample."""
-    steady = scipy.signal.sosfilt_zi(sections)[:, :, None]
+    # the state of each section for a constant of one; from rest it does not count
+    state = np.zeros((len(sections), 2)) if at_rest else scipy.signal.sosfilt_zi(sections)
 
     def passed(channels: FloatArray) -> FloatArray:
-        first = np.zeros(channels.shape[1]) if at_rest else channels[0]
-        return np.asarray(scipy.signal.sosfilt(sections, channels, axis=0, zi=steady * first)[0])
+        return np.asarray(scipy.signal.sosfilt(sections, channels, axis=0, zi=state[:, :, None] * channels[0])[0])
 
     u = passed(experiment.u) if experiment.nu else experiment.u
     return replace(experiment, u=u, y=passed(experiment.y))
 
 
-def _settling_samples(sections: FloatArray) -> int:
-    """Samples until the slowest mode of the filter has decayed."""
-    _, poles, _ = scipy.signal.sos2zpk(sections)
-    return int(np.ceil(np.log(SETTLED) / np.log(np.abs(poles).max())))
+def _settling_samples(poles: ComplexArray) -> float:
+    """Samples until the slowest mode of the filter has decayed; infinite where rounding puts it on the unit circle."""
+    radius = float(np.abs(poles).max())
+    if radius >= 1.0:
+        return np.inf
+    return float(np.ceil(np.log(SETTLED) / np.log(radius)))
 
 
 EXPECTED = "focus must be 'prediction', 'simulation' or two frequencies (low, high) in Hz"

@@ -355,9 +355,12 @@ def _checked_problem(
     letters = "".join(letter for letter in "ABCDF" if f"n{letter.lower()}" in order_values)
     constraint = fixed_coefficients(fixed, orders, letters)
     experiments = recorded
+    from_rest = initial_conditions is InitialConditions.ZERO
     if band is not None:
+        # a constant channel is none behind the filter: rounding is left, which looks like excitation
+        check_excitation(recorded, [0] * recorded[0].nu, rest=from_rest)
         experiments = band.filtered(experiments, initial_conditions, degree)
-    messages = _data_messages(experiments, orders, rest=initial_conditions is InitialConditions.ZERO)
+    messages = _data_messages(experiments, orders, rest=from_rest)
     levelled = level(experiments, degree) if orders.trend_terms else None
     if levelled is not None:
         experiments = levelled.experiments

@@ -17,6 +17,7 @@ from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.continuous_model import ContinuousModel
 from sysid.models.data_summary import DataSummary
 from sysid.polynomial.correlation import colour, relative_spectrum
+from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.polynomial_estimate import COLOUR, directions
 from sysid.polynomial.prediction_error import Minimum, coloured_information
 from sysid.records.arguments import truth_value, whole_number
@@ -310,6 +311,8 @@ class _CandidateSearch:
                 "output, or give the structure"
             )
         longest = whole_number("longest", longest, 100)
+        # such data have no candidates, each of which would say why in words of its own
+        check_excitation(experiments, [0] * experiments[0].nu)
         compared = stretches(experiments, longest)
         delayed = OutputError(
             compared, [RationalPath(1, 0, None)] * compared[0].nu, _longest_delay(compared), free=True
@@ -363,7 +366,7 @@ class _CandidateSearch:
     @property
     def slowest(self) -> float:
         """Longest time constant of the fit with the least criterion, s."""
-        poles = self._poles_of(min(self.fits, key=lambda fit: fit.candidate.ebic))
+        poles = self._poles_of(min(self.ranked(), key=lambda fit: fit.candidate.ebic))
         return float(np.max(-1.0 / poles.real, initial=0.0))
 
     @property

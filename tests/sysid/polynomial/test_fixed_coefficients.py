@@ -149,6 +149,7 @@ def test_nothing_fixed_changes_no_bit(rng):
         ({"A": [1, nan]}, "expected polynomials among B, F, got 'A'"),
         ({"F": [1, -2.5, 1.0]}, "root of modulus 2"),
         ({"F": [1, np.inf, nan]}, "finite"),
+        ({"f": [1, 0.5, nan], "F": [1, nan, 0.1]}, "F given twice"),
         ({"F": "text"}, "numbers or NaN"),
         ({"F": [1, 0.1, 0.1], "B": [0, 1, 1]}, "every coefficient"),
         ([1, nan], "expected polynomials by letter"),

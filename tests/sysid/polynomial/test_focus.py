@@ -130,11 +130,20 @@ def test_an_estimate_in_a_band_knows_its_record(rng):
         ({"focus": (0.5, 3.0), "offset": True}, "offset"),
         ({"focus": (0.0, 3.0), "trend": True}, "trend"),
         ({"focus": (1.0, 1.01)}, "samples to settle"),
+        ({"focus": (1.0, 1.005)}, "narrower than the longest record of 150 s resolves: expected 0.00667 Hz"),
+        ({"focus": (1e-9, 2e-9)}, "narrower than"),
+        ({"focus": (1e-9, 2e-9), "initial_conditions": "zero"}, "narrower than"),
     ],
 )
 def test_wrong_bands_are_refused(options, message, rng):
     with pytest.raises(SysidError, match=message):
         sysid.oe(record(rng), 2, 2, **options)
+
+
+def test_the_rounding_of_a_filtered_constant_is_no_input(rng):
+    data = IOData(np.full(400, 3.7), rng.standard_normal(400), dt=DT)
+    with pytest.raises(SysidError, match=r"input u1 is constant \(3.7\)"):
+        sysid.oe(data, 1, 1, focus=(0.5, 4.0))
 
 
 def test_options_that_do_not_go_together_are_refused(rng):

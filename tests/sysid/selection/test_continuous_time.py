@@ -76,6 +76,12 @@ def test_what_cannot_be_chosen_is_refused():
     for choose in (choose_tfest, choose_procest):
         with pytest.raises(SysidError, match="chosen for one output, the data have 2"):
             choose(two)
+        with pytest.raises(SysidError, match="input u1 is constant"):
+            choose(IOData(0.0 * data.u, data.y, DT))
+        with pytest.raises(SysidError, match="output y1 is constant"):
+            choose(IOData(data.u, 0.0 * data.y, DT))
+        with pytest.raises(SysidError, match="at least 2 are needed"):
+            choose(data[:1])
 
 
 def test_a_search_begins_at_a_start_alone():
