@@ -11,7 +11,7 @@ import sysid
 from scenarios.files.result_table import ResultTable
 from scenarios.identification.identification import Identification, identify, usable
 from scenarios.identification.named_models import KnownModel, ModelName, known_models
-from scenarios.identification.result_tables import INTEGRATES
+from scenarios.identification.result_tables import LARGEST_DECIMAL, SMALLEST_DECIMAL, gain_at_zero
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.model_forms import as_model
@@ -203,7 +203,7 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
     columns += ["bandwidth Hz", "95 % interval", "gain at 0 Hz", "stable"]
     rows = []
     for judged in models:
-        gain, fit = judged.model.dc_gain(), judged.fit
+        gain, fit = gain_at_zero(judged.model, judged.model.dt), judged.fit
         stable = "yes" if judged.model.is_stable() else "NO"
         for i, output in enumerate(outputs):
             row = [judged.label if i == 0 else ""]
@@ -215,6 +215,13 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
             # Each output with its own input: of joints, the coupling is not shown.
             k = min(i, judged.model.nu - 1)
             row += judged.bandwidth_cells(i, k)
-            row.append(f"{gain[i, k]:.3f}" if abs(gain[i, k]) < INTEGRATES else "—")
+            row.append("—" if np.isnan(gain[i, k]) else _gain_text(gain[i, k]))
             rows.append((*row, stable))
     return ResultTable(title, tuple(columns), tuple(rows))
+
+
+def _gain_text(gain: float) -> str:
+    """A gain with three decimals, or with four digits where its units make it very small or large."""
+    if gain == 0.0 or SMALLEST_DECIMAL <= abs(gain) < LARGEST_DECIMAL:
+        return f"{gain:.3f}"
+    return f"{gain:.4g}"

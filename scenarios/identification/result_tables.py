@@ -10,12 +10,12 @@ from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.identification import FittedModel, Identification, deviations
 from scenarios.identification.run_agreement import RunAgreement
-from sysid import Estimate, IOData, ModelFit, ResidualTest, StructureChoice
+from sysid import Estimate, FrequencyResponse, IOData, ModelFit, ResidualTest, StateSpace, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp, sampled_poles
 from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.response_features import response_features
-from sysid.records.arrays import ComplexArray
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.printing import AT_ZERO, poles_table
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
@@ -50,8 +50,17 @@ ROUNDING = 1e-12
 LASTING = 10.0
 """Records that the time constant of a mode must last to count as an integrator."""
 
-INTEGRATES = 1e9
-"""Gain at 0 Hz from which on a path counts as an integrator, which rounding gives a finite one."""
+SLOWEST = 1e-6
+"""Frequency, relative to Nyquist, with whose gain that at 0 Hz is compared."""
+
+INTEGRATES = 1e3
+"""Gain at 0 Hz, relative to that at `SLOWEST`, from which on a path integrates: rounding gives it a finite gain."""
+
+VANISHING = 1e-9
+"""Gain at 0 Hz, relative to that at `SLOWEST`, below which it is rounding of zero."""
+
+SMALLEST_DECIMAL, LARGEST_DECIMAL = 1e-2, 1e6
+"""Gains between which four decimals show enough digits; beyond them units are very unlike."""
 
 
 def result_tables(found: FileIdentification) -> tuple[ResultTable, ...]:
@@ -335,18 +344,38 @@ def _fit_rows(fit: ModelFit, outputs: Sequence[str]) -> list[tuple[str, str]]:
     return rows
 
 
+def gain_at_zero(model: Estimate | StateSpace, dt: float) -> FloatArray:
+    """Gain at 0 Hz (ny, nu), NaN for paths that integrate, whatever the units of the channels; interval dt, s."""
+    gain = np.asarray(model.dc_gain())
+    response = model.frequency_response(np.array([SLOWEST * 0.5 / dt]))
+    slow = np.abs(response.response[0] if isinstance(response, FrequencyResponse) else response[0])
+    with np.errstate(invalid="ignore"):
+        integrates = ~np.isfinite(gain) | ((np.abs(gain) >= INTEGRATES * slow) & (gain != 0.0))
+    # a zero at 0 Hz leaves rounding
+    vanishes = np.abs(gain) < VANISHING * slow
+    return np.where(integrates, np.nan, np.where(vanishes, 0.0, gain))
+
+
 def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
-    first, gain = fitted.parts[0], fitted.estimate.dc_gain()
+    first = fitted.parts[0]
+    gain = gain_at_zero(fitted.estimate, first.dt)
     inputs, outputs = first.input_names or (), first.output_names or ()
     rows = []
     for i, claims in enumerate(fitted.claims):
         for j, claim in enumerate(claims):
             path = f", {inputs[j]} → {outputs[i]}" if gain.size > 1 else ""
             rows.append((f"bandwidth (-3 dB){path}", _bandwidth_in_words(claim)))
-            # "not <" also catches a gain that is NaN.
-            integrates = not abs(gain[i, j]) < INTEGRATES
-            rows.append((f"gain at 0 Hz{path}", "none, it integrates" if integrates else f"{gain[i, j]:.4f}"))
+            rows.append((f"gain at 0 Hz{path}", _gain_in_words(gain[i, j])))
     return rows
+
+
+def _gain_in_words(gain: float) -> str:
+    """A gain with four decimals, or with five digits where its units make it very small or large."""
+    if np.isnan(gain):
+        return "none, it integrates"
+    if gain == 0.0 or SMALLEST_DECIMAL <= abs(gain) < LARGEST_DECIMAL:
+        return f"{gain:.4f}"
+    return f"{gain:.5g}"
 
 
 def _response_rows(fitted: FittedModel) -> list[tuple[str, str]]:

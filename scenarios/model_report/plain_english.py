@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.identification.file_identification import FileIdentification
-from scenarios.identification.result_tables import INTEGRATES, verdict
+from scenarios.identification.result_tables import gain_at_zero, verdict
 from sysid.models.confidence_bands import band
 
 GRADES = {"sufficient": "yes", "undecided": "partly", "not sufficient": "not", "residuals not tested": "cannot"}
@@ -53,16 +53,15 @@ def summary(found: FileIdentification) -> Summary:
 def _gains(found: FileIdentification) -> list[list[str]]:
     """Gain at 0 Hz of every path with its 95 % interval, in words."""
     estimate = found.result.fitted.estimate
-    gain = estimate.dc_gain()
+    gain = gain_at_zero(estimate, found.result.fitted.parts[0].dt)
     low = high = np.full(gain.shape, np.nan)
-    if np.isfinite(estimate.covariance).all() and np.isfinite(gain).all():
+    if np.isfinite(estimate.covariance).all() and np.isfinite(estimate.dc_gain()).all():
         low, high = band(estimate, lambda model: model.dc_gain()).ci95
     rows = []
     for i in range(len(gain)):
         row = []
         for j in range(gain.shape[1]):
-            # "not <" also catches a gain that is NaN
-            if not abs(gain[i, j]) < INTEGRATES:
+            if np.isnan(gain[i, j]):
                 row.append("it integrates, and has no gain at 0 Hz")
                 continue
             interval = f" (95 % interval {low[i, j]:.4g} to {high[i, j]:.4g})" if np.isfinite(low[i, j]) else ""

@@ -12,8 +12,8 @@ from scipy.signal import lfilter
 
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.order_choice import choose_and_identify
-from scenarios.identification.result_tables import roots_text
-from sysid import IOData, SysidError, arx, compare, n4sid, oe, read_model
+from scenarios.identification.result_tables import gain_at_zero, roots_text
+from sysid import IOData, StateSpace, SysidError, arx, compare, n4sid, oe, read_model
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from sysid.records.errors import Message
 from tests.scenarios.commands.conftest import DT, signals, table
@@ -31,6 +31,27 @@ ORDERS = {
     "procest": "P1",
     "impulseest": "150",
 }
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e12])
+def test_no_unit_makes_a_path_integrate(scale):
+    lag = StateSpace([[0.9999]], [[1.0]], [[0.0001 * scale]], [[0.0]], None, dt=DT)
+    np.testing.assert_allclose(gain_at_zero(lag, DT), scale, rtol=1e-9)
+    integrator = StateSpace([[1.0 - 1e-13]], [[1.0]], [[0.0001 * scale]], [[0.0]], None, dt=DT)
+    assert np.isnan(gain_at_zero(integrator, DT))
+    # 10 is the state for an input of one
+    difference = StateSpace([[0.9]], [[1.0]], [[-0.1 * scale]], [[scale]], None, dt=DT)
+    assert gain_at_zero(difference, DT) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("unit", "text"), [(1e-12, r"9\.9\d+e-13|1(\.0\d+)?e-12"), (1e12, r"9\.9\d+e\+11|1(\.0\d+)?e\+12")]
+)
+def test_gains_of_unlike_units_have_digits(printed, tmp_path, unit, text):
+    u, y = signals()
+    path = table(tmp_path / "units.csv", {"u": u, "y": unit * y})
+    output = printed("identify", path, "--dt", DT, "--method", "oe", "--orders", 1, 1)
+    assert re.search(rf"gain at 0 Hz\s+({text})\s", output)
 
 
 @pytest.mark.slow
