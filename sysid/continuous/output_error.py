@@ -26,7 +26,7 @@ from sysid.polynomial.outliers import outlier_messages
 from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, directions
 from sysid.polynomial.prediction_error import coloured_information, levenberg_marquardt
 from sysid.records.arguments import real_number, shown, truth_value, whole_number
-from sysid.records.arrays import FloatArray
+from sysid.records.arrays import FloatArray, real_array
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 
@@ -110,7 +110,7 @@ def _starts_of_outputs(start: ArrayLike | None, rows: tuple[tuple[PathStructure,
     if start is None:
         return [None] * len(rows)
     counts = [sum(len(structure.names) for structure in row) for row in rows]
-    theta = np.asarray(start, dtype=float)
+    theta = real_array("start", start)
     if theta.shape != (sum(counts),) or not np.isfinite(theta).all():
         raise SysidError(f"start: expected the {sum(counts)} parameters of the structure, got {shown(start)}")
     return list(np.split(theta, np.cumsum(counts)[:-1]))

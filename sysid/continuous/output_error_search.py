@@ -62,8 +62,22 @@ def lowest_minimum(criterion: OutputError, max_iterations: int, start: FloatArra
     return _with_short_delays(criterion, fit, max_iterations)
 
 
+def _check_start(criterion: OutputError, start: FloatArray) -> None:
+    """Refuse a start whose delays are outside their limits, or at which the model cannot be simulated."""
+    slack = TIGHT * criterion.experiments[0].dt
+    for delay in start[criterion.delays()].tolist():
+        if not -slack <= delay <= criterion.longest + slack:
+            raise SysidError(
+                f"start: expected a delay from 0 to {criterion.longest:g} s, the largest that is searched (max_delay "
+                f"changes it), got {delay:g} s"
+            )
+    if criterion(start) is None:
+        raise SysidError(f"start: expected parameters of a stable model of finite response, got {start.tolist()}")
+
+
 def _minimum_from(criterion: OutputError, start: FloatArray, max_iterations: int) -> OutputFit:
     """The minimum that is reached from a start; see `lowest_minimum`."""
+    _check_start(criterion, start)
     limited, delays = criterion, criterion.delays()
     has_free_delay = bool(delays) and criterion.free
     if has_free_delay:

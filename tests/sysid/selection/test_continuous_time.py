@@ -91,3 +91,19 @@ def test_a_search_begins_at_a_start_alone():
     np.testing.assert_allclose(again.parameters, own.parameters, rtol=1e-6)
     with pytest.raises(SysidError, match=r"start: expected the 3 parameters of the structure, got \[1.0, 2.0\]"):
         procest(data, "P1D", start=[1.0, 2.0])
+
+
+@pytest.mark.parametrize(
+    ("start", "message"),
+    [
+        ("three", "start"),
+        ([2.0, 0.5, -5.0], r"start: expected a delay from 0 to 1.5 s, .* got -5 s"),
+        ([2.0, 0.5, 1e6], r"start: expected a delay from 0 to 1.5 s, .* got 1e\+06 s"),
+        ([2.0, -0.5, 0.2], "start: expected parameters of a stable model"),
+        ([0.0, 0.0, 0.0], "start: expected parameters of a stable model"),
+    ],
+)
+def test_a_start_that_is_no_model_is_refused(start, message):
+    data = simulated([2.0], [0.5, 1.0], 0.2, seed=5, samples=400)
+    with pytest.raises(SysidError, match=message):
+        procest(data, "P1D", start=start)
