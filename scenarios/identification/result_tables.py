@@ -347,9 +347,11 @@ def _fit_rows(fit: ModelFit, outputs: Sequence[str]) -> list[tuple[str, str]]:
 def gain_at_zero(model: Estimate | StateSpace, dt: float) -> FloatArray:
     """Gain at 0 Hz (ny, nu), NaN for paths that integrate, whatever the units of the channels; interval dt, s."""
     gain = np.asarray(model.dc_gain())
+    # a size relative to the response itself: gains of unlike units may be of any size
     response = model.frequency_response(np.array([SLOWEST * 0.5 / dt]))
     slow = np.abs(response.response[0] if isinstance(response, FrequencyResponse) else response[0])
     with np.errstate(invalid="ignore"):
+        # rounding leaves the pole of an integrator beside one, and its gain finite
         integrates = ~np.isfinite(gain) | ((np.abs(gain) >= INTEGRATES * slow) & (gain != 0.0))
     # a zero at 0 Hz leaves rounding
     vanishes = np.abs(gain) < VANISHING * slow
@@ -373,6 +375,7 @@ def _gain_in_words(gain: float) -> str:
     """A gain with four decimals, or with five digits where its units make it very small or large."""
     if np.isnan(gain):
         return "none, it integrates"
+    # a gain of exactly zero has no digits to show
     if gain == 0.0 or SMALLEST_DECIMAL <= abs(gain) < LARGEST_DECIMAL:
         return f"{gain:.4f}"
     return f"{gain:.5g}"

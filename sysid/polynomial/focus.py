@@ -66,7 +66,7 @@ class Band:
                     "data.complete_parts() as experiments"
                 )
         poles, sections = self._filter(experiments[0].dt)
-        self._check_resolution(max(len(experiment) * experiment.dt for experiment in experiments))
+        self._check_resolution(experiments)
         if initial_conditions is InitialConditions.ZERO:
             return tuple(_passed(experiment, sections, at_rest=True) for experiment in experiments)
         transient = _settling_samples(poles)
@@ -83,9 +83,11 @@ class Band:
             filtered.append(replace(passed, window=max(experiment.window, int(transient))))
         return tuple(filtered)
 
-    def _check_resolution(self, duration: float) -> None:
-        """Refuse a band narrower than the distance of frequencies that a record of this duration, in s, resolves."""
-        if self.high - self.low < 1.0 / duration:
+    def _check_resolution(self, experiments: Sequence[IOData]) -> None:
+        """Refuse a band, up to Nyquist, narrower than the distance of frequencies that the longest record resolves."""
+        dt = experiments[0].dt
+        duration = dt * max(map(len, experiments))
+        if min(self.high, 0.5 / dt) - self.low < 1.0 / duration:
             raise SysidError(
                 f"focus={(self.low, self.high)} is narrower than the longest record of {duration:g} s resolves: "
                 f"expected {1.0 / duration:.3g} Hz at least between the edges, or a longer record"

@@ -132,6 +132,7 @@ def test_an_estimate_in_a_band_knows_its_record(rng):
         ({"focus": (1.0, 1.01)}, "samples to settle"),
         ({"focus": (1.0, 1.005)}, "narrower than the longest record of 150 s resolves: expected 0.00667 Hz"),
         ({"focus": (1e-9, 2e-9)}, "narrower than"),
+        ({"focus": (4.9999, 6.0), "initial_conditions": "zero"}, "narrower than"),
         ({"focus": (1e-9, 2e-9), "initial_conditions": "zero"}, "narrower than"),
     ],
 )
