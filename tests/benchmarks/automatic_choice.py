@@ -4,8 +4,8 @@
 
 Each kind is a situation that misleads a choice of orders. The plant is drawn anew for every record. An answer is right
 if gain and bandwidth of its model are within 20 % of the plant's; of an integrator the position of its pole and the
-slope count, of an unstable plant its unstable pole. Of a joint with friction, play or saturation no linear model is
-right, and none whose bandwidth lies far above what the input excites. Counted are answers that a verdict calls
+slope count, of an unstable plant its unstable pole. Of a joint with friction or play no linear model is right, of one
+with saturation that of its servo; none is right whose bandwidth lies far above what the input excites. Counted are answers that a verdict calls
 sufficient and that are right, those that are wrong, and those that the verdict withholds.
 """
 
@@ -190,7 +190,7 @@ def joint_with(kind: str) -> Kind:
 
     def draw(rng: np.random.Generator) -> tuple[Plant, tuple[IOData, ...]]:
         servo, record = joint(rng, kind)
-        return Plant(*servo.discrete(record.dt), record.dt, is_linear=kind == "linear"), (record,)
+        return Plant(*servo.discrete(record.dt), record.dt, is_linear=kind in ("linear", "saturation")), (record,)
 
     return draw
 
