@@ -5,8 +5,8 @@
 Each kind is a situation that misleads a choice of orders. The plant is drawn anew for every record. An answer is right
 if gain and bandwidth of its model are within 20 % of the plant's; of an integrator the position of its pole and the
 slope count, of an unstable plant its unstable pole. Of a joint with friction or play no linear model is right, of one
-with saturation that of its servo; none is right whose bandwidth lies far above what the input excites. Counted are answers that a verdict calls
-sufficient and that are right, those that are wrong, and those that the verdict withholds.
+with saturation that of its servo; none is right whose bandwidth lies far above what the input excites. Counted are
+answers that a verdict calls sufficient and that are right, those that are wrong, and those that the verdict withholds.
 """
 
 import argparse

@@ -8,9 +8,9 @@ the poles of the system (arx).
 The error is that of the simulated output, without noise, for an input of the same kind that the record does not hold.
 The best order is the one of least error among the orders 1 to 8 and the true orders, in the true structure with the
 true delay: structure and delay are known, and the order is picked after the fact.
-Where `auto` is better, the ratio is 1. Beside it stands the ratio to the error of the true orders, which may be below 1:
-its mean, and the share of systems where it is above 2. With `--levels` input and output have levels, and the means of
-the record are removed before the choice, as users do by hand.
+Where `auto` is better, the ratio is 1. Beside it stands the ratio to the error of the true orders, which may be below
+1: its mean, and the share of systems where it is above 2. With `--levels` input and output have levels, and the means
+of the record are removed before the choice, as users do by hand.
 """
 
 import warnings
