@@ -148,8 +148,7 @@ def _varies(command: FloatArray) -> bool:
     """Whether a command (N,) varies in amplitude about its mean: whether its cube is more than a multiple of it."""
     centred = command - command.mean()
     cube = centred**3
-    explaining = np.column_stack((np.ones_like(centred), centred))
-    rest = cube - explaining @ np.linalg.lstsq(explaining, cube, rcond=None)[0]
+    rest = _without(centred[:, None], cube[:, None])
     return bool(rest.std() > VARIED * cube.std())
 
 
