@@ -10,10 +10,9 @@ from types import MappingProxyType
 import numpy as np
 
 from hmtb_twin.control.experiment import Status
-from hmtb_twin.control.modes import joint_index
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
-from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.values import JOINTS, joint_index
 from sysid import IOData
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")

@@ -11,7 +11,7 @@ from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.control.experiment import Experiment, Status
 from hmtb_twin.control.resolved_rate import ResolvedRate
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, MOTIONS, SAMPLE_TIME, HandController
+from hmtb_twin.parameters.values import JOINTS, MOTIONS, SAMPLE_TIME, HandController, joint_index
 from hmtb_twin.parameters.variants import variant_named
 
 NORMAL, VELOCITY_LIMITED, JOINT_LIMITED = Status(0), int(Status.VELOCITY_LIMITED), int(Status.JOINT_LIMITED)
@@ -175,13 +175,6 @@ class Mode(Protocol):
     def rebase(self, angles: np.ndarray, deflection: np.ndarray) -> tuple[np.ndarray, Status]:
         """Restart the command at measured angles (7,), rad, so that the arm does not jump; return as `step` does."""
         ...
-
-
-def joint_index(name: str) -> int:
-    """Return the index of a joint in `JOINTS`; raises `TwinError` for an unknown joint."""
-    if not isinstance(name, str) or name not in JOINTS:
-        raise TwinError(f"unknown joint {name!r}, available: {', '.join(JOINTS)}")
-    return JOINTS.index(name)
 
 
 def axis_names(mode: str, variant: str = "nominal") -> tuple[str, ...]:

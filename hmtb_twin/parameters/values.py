@@ -22,6 +22,13 @@ INDEXED_JOINTS = ("shoulder_roll",)
 """Joints held by a pin at an index position [Morris1996, I.2]; a variant may release them."""
 
 
+def joint_index(name: str) -> int:
+    """Return the index of a joint in `JOINTS`; raises `TwinError` for an unknown joint."""
+    if not isinstance(name, str) or name not in JOINTS:
+        raise TwinError(f"unknown joint {name!r}, available: {', '.join(JOINTS)}")
+    return JOINTS.index(name)
+
+
 @dataclass(frozen=True)
 class Pin:
     """Stiff spring at an indexed joint, with an added inertia that keeps its mode slow enough for the simulation step.

@@ -6,11 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from hmtb_twin.control.modes import joint_index
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
-from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.values import JOINTS, joint_index
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.innovations import Disturbances, innovations_form, minimal_innovations_form
 from sysid import StateSpace

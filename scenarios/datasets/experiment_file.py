@@ -11,9 +11,8 @@ from hmtb_twin import JOINTS, JointLog, simulate
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.experiment import Status
-from hmtb_twin.control.modes import joint_index
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_netcdf
-from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME, joint_index
 from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.data_set import DataSet

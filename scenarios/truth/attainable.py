@@ -9,7 +9,7 @@ from scipy.stats import chi2
 
 from hmtb_twin import JOINTS, Arm, JointLog, JointTruth, Status, Truth, linearize
 from hmtb_twin.bus.recorder import delayed
-from hmtb_twin.control.modes import joint_index
+from hmtb_twin.parameters.values import joint_index
 from hmtb_twin.truth.logged_arm import check_truth, logged_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.linear_fits import high_order_simulations, one_step_regression, pulse_responses, right_order_fits

@@ -20,7 +20,7 @@ from hmtb_twin import (
     load_arm,
     simulate,
 )
-from hmtb_twin.control.modes import joint_index
+from hmtb_twin.parameters.values import joint_index
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions

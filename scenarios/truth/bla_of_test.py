@@ -7,8 +7,7 @@ import numpy as np
 
 from hmtb_twin import Experiment, linearize, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.control.modes import joint_index
-from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME, joint_index
 from hmtb_twin.run.experiment_row import experiment_arm, prepare
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import REALISATIONS, best_linear, cautions
