@@ -165,7 +165,9 @@ def auto(
     is_nonlinear = not validation_data and _is_nonlinear(without_trend)
     if is_nonlinear:
         largest = min(largest, NONLINEAR_LARGEST)
-    search = StructureSearch(stretches(experiments, longest), validation_data, largest, names, trends)
+    search = StructureSearch(
+        stretches(experiments, longest), validation_data, largest, names, trends, refines=not is_nonlinear
+    )
     delays, p = tuple[int, ...](), _feedback_p(without_trend)
     open_delay = ""
     fed_back = p < LEVEL
@@ -192,7 +194,9 @@ def auto(
                 search.methods = ("oe", "bj")
             search.climb_structures(delays, shortest)
             if sum(map(len, search.experiments)) < sum(map(len, experiments)):
-                whole = StructureSearch(experiments, validation_data, largest, search.methods, trends)
+                whole = StructureSearch(
+                    experiments, validation_data, largest, search.methods, trends, refines=search.refines
+                )
                 whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
                 search = whole
             if paths_alone:

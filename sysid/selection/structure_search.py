@@ -190,6 +190,8 @@ class StructureSearch:
         methods: Structures tried, of one output.
         candidates: Candidates so far, in the sequence of their fits.
         fits: Those of one output by their orders.
+        refines: Whether single orders of the best candidates change too. Beside a nonlinearity no structure is the
+            right one, and what such changes gain describes it one step ahead.
         failed: What could not be fitted, and why.
         exact: Whether a candidate fits but for rounding.
         direct: Whether state-space models have a direct term.
@@ -204,10 +206,13 @@ class StructureSearch:
         largest: int,
         methods: Sequence[str],
         trends: Sequence[int] = (NO_TREND,),
+        *,
+        refines: bool = True,
     ) -> None:
         self.experiments, self.validation = experiments, validation
         self.trends = trends
         self.largest, self.methods = largest, methods
+        self.refines = refines
         self.candidates: list[Candidate] = []
         self.fits: dict[Orders, Fit] = {}
         self.failed: list[str] = []
@@ -332,6 +337,8 @@ class StructureSearch:
 
     def _refine(self, family: Sequence[str], shortest: Sequence[int]) -> None:
         """Change single orders of the best candidate of a family, if near the best of all, as long as that helps."""
+        if not self.refines:
+            return
         fits = [fit for fit in self.fits.values() if fit.candidate.method in family]
         best_of_all = min(self._criteria(ORDERS), default=np.inf)
         if not fits or min(self._criteria(family), default=np.inf) > best_of_all + NEAR:
