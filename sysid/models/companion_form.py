@@ -34,7 +34,8 @@ class CompanionForm:
     def of(A: FloatArray) -> "CompanionForm | None":
         """The companion form of a matrix (n, n), None if it has none."""
         n = len(A)
-        if not n:
+        # a full matrix has no columns of zeros and a one, and each of its states drives all others
+        if not n or (n > 1 and np.count_nonzero(A) == A.size):
             return None
         # the columns inside a block are unit vectors: its states are passed on to the one above
         inside = [j for j in range(1, n) if A[j - 1, j] == 1.0 and np.count_nonzero(A[:, j]) == 1]

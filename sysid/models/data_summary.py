@@ -96,11 +96,12 @@ def _deviations(experiments: Sequence[IOData]) -> tuple[float, ...]:
     """Standard deviation of the known samples of each output, every experiment from its own mean."""
     squares, counts = np.zeros((2, experiments[0].ny))
     for e in experiments:
-        samples = e.known.sum(axis=0)
-        # an output may be missing throughout an experiment, of which no mean exists
-        mean = np.nansum(e.y, axis=0) / np.maximum(samples, 1)
-        squares = squares + np.nansum((e.y - mean) ** 2, axis=0)
-        counts = counts + samples
+        for i, channel in enumerate(e.y.T):
+            samples = channel[np.isfinite(channel)]
+            counts[i] += len(samples)
+            # an output may be missing throughout an experiment, of which no mean exists
+            if len(samples):
+                squares[i] += np.sum((samples - samples.mean()) ** 2)
     return tuple(np.sqrt(squares / np.maximum(counts, 1)).tolist())
 
 

@@ -33,11 +33,17 @@ def record_hash(record: IOData, samples: int | None = None) -> str:
 
 def _channel_hash(values: FloatArray) -> str:
     present = np.isfinite(values)
+    complete = bool(present.all())
     levels = np.full(len(values), LOST, dtype="<i2")
     if present.any():
-        samples = values[present]
+        samples = values.copy() if complete else values[present]
         spread = float(np.ptp(samples))
         # of a constant, whatever its value, nothing tells it from another one
         if spread > 0.0:
-            levels[present] = np.floor((samples - samples.mean()) / spread * LEVELS + EDGE)
+            samples -= samples.mean()
+            samples /= spread
+            samples *= LEVELS
+            samples += EDGE
+            np.floor(samples, out=samples)
+            levels[... if complete else present] = samples
     return hashlib.sha256(levels.tobytes()).hexdigest()

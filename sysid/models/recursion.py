@@ -3,6 +3,7 @@
 import numpy as np
 import scipy
 
+from sysid.models.block_response import block_output
 from sysid.models.companion_form import CompanionForm
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
@@ -27,7 +28,7 @@ def driven_output(
     """Return y (N, ny) of x(t+1) = A x(t) + B u(t), y = C x + D u from x0 (n,), for u (N, nu)."""
     form = CompanionForm.of(A)
     if form is None or not form.passes_on(C):
-        return _output_by_blocks(A, B, C, D, u, x0)
+        return output_by_blocks(A, B, C, D, u, x0)
     with np.errstate(over="ignore", invalid="ignore"):
         first_states = form.first_states(B, u, x0)
         out = u @ D.T
@@ -38,10 +39,13 @@ def driven_output(
     return out
 
 
-def _output_by_blocks(
+def output_by_blocks(
     A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, u: FloatArray, x0: FloatArray
 ) -> FloatArray:
-    """`driven_output` of any matrix, in the memory of the states of a block."""
+    """`driven_output` of any matrix: by products where they keep the digits, else by filters of some samples."""
+    products = block_output(A, B, C, D, u, x0)
+    if products is not None:
+        return products
     length = max(LARGEST_TRAJECTORY // max(len(A), 1), 1)
     out = np.empty((len(u), len(C)))
     state = x0
@@ -97,7 +101,8 @@ def _response_by_powers(A: FloatArray, C: FloatArray, steps: int) -> FloatArray:
     scale = np.abs(C).max() if C.size else 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         while len(rows) < steps:
-            following = rows @ power
+            # one product of large matrices instead of one for each row
+            following = (rows.reshape(len(rows) * len(C), len(A)) @ power).reshape(rows.shape)
             rows = np.concatenate((rows, following))
             power = power @ power
             if not np.isfinite(power).all() or np.abs(following).max(initial=0.0) <= 1e-17 * scale:

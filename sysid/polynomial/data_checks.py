@@ -50,13 +50,19 @@ def order_of_excitation(u: ArrayLike, *, max_order: int = 50, tolerance: float =
     return _order_of_excitation([signal], max_order, tolerance)
 
 
-def _order_of_excitation(signals: Sequence[FloatArray], max_order: int, tolerance: float = DEPENDENT) -> int:
+def _order_of_excitation(
+    signals: Sequence[FloatArray], max_order: int, tolerance: float = DEPENDENT, moments: FloatArray | None = None
+) -> int:
     """Order of excitation by one input, a signal (N_i,) per experiment; at most `max_order`.
+
+    The `moments` of `max_order` lags are computed unless they are known.
 
     The lags 0, s, 2 s, ... are those of the s signals that take every s-th sample. A polynomial in z^s that vanishes
     where there is power is a polynomial in z too, so that a wider spacing s never counts too much.
     """
     order, spacing = 0, 1
+    if moments is not None:
+        order, spacing = _gram_rank(moments, tolerance), 2
     longest = max(len(signal) for signal in signals)
     while order < max_order and (spacing == 1 or longest >= spacing * max_order):
         # fewer of the interleaved signals have fewer rows, which never raises the rank
@@ -71,8 +77,14 @@ def _order_of_excitation(signals: Sequence[FloatArray], max_order: int, toleranc
 def _gram_rank(gram: FloatArray, tolerance: float = DEPENDENT) -> int:
     """Numerical rank of a matrix from its Gram matrix, for a tolerance on singular values."""
     # eigenvalues are squared singular values; rounding of the Gram matrix sets the floor
-    values = np.linalg.eigvalsh(gram)
     floor = max(tolerance**2, len(gram) * np.finfo(float).eps)
+    # what remains after the largest floor is positive: the rank is full, as a triangle tells faster than eigenvalues
+    bound = float(np.abs(gram).sum(axis=1).max(initial=0.0))
+    try:
+        np.linalg.cholesky(gram - 2.0 * floor * bound * np.eye(len(gram)))
+        return len(gram)
+    except np.linalg.LinAlgError:
+        values = np.linalg.eigvalsh(gram)
     return int((values > floor * values[-1]).sum()) if values[-1] > 0.0 else 0
 
 
@@ -87,14 +99,36 @@ def check_excitation(experiments: Sequence[IOData], needed: Sequence[int], *, re
     constant = constant_inputs(experiments)
     if not rest:
         _refuse_constant_inputs(experiments, constant)
-        return _poorly_excited(experiments, needed) + _dependent_inputs(experiments, needed)
+        return _excitation_messages(experiments, needed)
     stepping = {j for j in constant if any(e.u[:, j].any() for e in experiments)}
     _refuse_constant_inputs(experiments, constant - stepping)
     messages = [_step_message(experiments, j) for j in sorted(stepping)]
     # a step excites all frequencies: more rows of rest before it than the model has orders show that
     before = max((*needed, 1))
     with_rest = after_rest(experiments, before)
-    return messages + _poorly_excited(with_rest, needed) + _dependent_inputs(with_rest, needed)
+    return messages + _excitation_messages(with_rest, needed)
+
+
+def _excitation_messages(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
+    """Messages on inputs that excite less than the `needed` orders, and on dependent ones."""
+    nu, shortest = experiments[0].nu, min(len(e) for e in experiments)
+    # at least as many rows as columns
+    lags = min(max((*needed, 1)), shortest // (nu + 1))
+    joint: FloatArray | None = None
+    if nu > 1 and lags >= 1:
+        # lags of all inputs, each of unit size, inputs side by side
+        sizes = _sizes([e.u for e in experiments])
+        joint = hankel_moments([e.u / sizes for e in experiments], lags)
+    messages = _poorly_excited(experiments, needed, joint)
+    if joint is not None:
+        messages += _dependent_inputs(experiments[0].input_names or (), joint)
+    return messages
+
+
+def _sizes(signals: Sequence[FloatArray]) -> FloatArray:
+    """Root mean square of each channel (nu,) of all experiments."""
+    squares = sum(np.einsum("ij,ij->j", signal, signal) for signal in signals)
+    return np.sqrt(squares / sum(map(len, signals)))
 
 
 def after_rest(experiments: Sequence[IOData], rows: int) -> tuple[IOData, ...]:
@@ -154,16 +188,19 @@ def _is_constant(signal: FloatArray) -> bool:
     return bool(np.ptp(signal) <= ROUNDING * np.abs(signal).max())
 
 
-def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
-    """Messages on inputs that excite less than the `needed` orders."""
-    shortest = min(len(e) for e in experiments)
+def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int], joint: FloatArray | None) -> list[str]:
+    """Messages on inputs that excite less than the `needed` orders; `joint` are moments of all inputs, if known."""
+    nu, shortest = experiments[0].nu, min(len(e) for e in experiments)
     messages = []
     for j, name in enumerate(experiments[0].input_names or ()):
         # higher orders need more lags than the shortest record has rows for
         testable = min(needed[j], shortest // 2)
         if testable < 1:
             continue
-        excited = _order_of_excitation([e.u[:, j] for e in experiments], testable)
+        moments: FloatArray | None = None
+        if joint is not None and len(joint) == testable * nu:
+            moments = joint[j::nu, j::nu]
+        excited = _order_of_excitation([e.u[:, j] for e in experiments], testable, moments=moments)
         if excited < needed[j]:
             messages.append(
                 f"input {name} is persistently exciting of order {excited} only, the model needs {needed[j]}: "
@@ -172,17 +209,10 @@ def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int]) -> lis
     return messages
 
 
-def _dependent_inputs(experiments: Sequence[IOData], needed: Sequence[int]) -> list[str]:
-    """Message on inputs whose lags have a smaller rank together than one by one."""
-    nu, names = experiments[0].nu, experiments[0].input_names or ()
-    shortest = min(len(e) for e in experiments)
-    # at least as many rows as columns
-    lags = min(max((*needed, 1)), shortest // (nu + 1))
-    if nu < 2 or lags < 1:
-        return []
-    # lags of all inputs, each of unit size, inputs side by side
-    sizes = np.sqrt(np.mean(np.concatenate([e.u for e in experiments]) ** 2, axis=0))
-    joint = hankel_moments([e.u / sizes for e in experiments], lags)
+def _dependent_inputs(names: Sequence[str], joint: FloatArray) -> list[str]:
+    """Message on inputs whose lags have a smaller rank together, by their joint moments, than one by one."""
+    nu = len(names)
+    lags = len(joint) // nu
     together = _gram_rank(joint)
     one_by_one = sum(_gram_rank(joint[j::nu, j::nu]) for j in range(nu))
     if together >= one_by_one:
@@ -277,8 +307,15 @@ def large_means(experiments: Sequence[IOData]) -> list[str]:
 def _dominant_means(experiments: Sequence[IOData]) -> str:
     """Beginning of a message on the channels whose mean exceeds their standard deviation; empty without any."""
     first = experiments[0]
-    z = _concatenated([np.hstack((e.u, e.y))[e.window :] for e in experiments])
-    means, deviations = np.nanmean(z, axis=0), np.nanstd(z, axis=0)
+    inputs = _concatenated([e.u[e.window :] for e in experiments])
+    outputs = _concatenated([e.y[e.window :] for e in experiments])
+    means, deviations = [], []
+    for channel in (*inputs.T, *outputs.T):
+        samples = channel[np.isfinite(channel)]
+        # one channel after the other: a mean along rows of few columns costs several times as much
+        mean = float(samples.mean()) if len(samples) else 0.0
+        means.append(mean)
+        deviations.append(float(np.linalg.norm(samples - mean)) / np.sqrt(max(len(samples), 1)))
     names = (*(first.input_names or ()), *(first.output_names or ()))
     dominated = []
     for name, mean, deviation in zip(names, means, deviations, strict=True):

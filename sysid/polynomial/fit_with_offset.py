@@ -12,6 +12,7 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import residuals
 from sysid.models.recursion import free_response
 from sysid.models.state_space import StateSpace
+from sysid.polynomial.least_squares import scaled_triangle
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
@@ -25,6 +26,9 @@ LARGEST_RATIO = 0.95  # largest ratio of consecutive steps that is extrapolated 
 
 DIED_OUT = 1e-100  # response to an initial state before an initialisation window's end: least squares would overflow
 SINGULAR = 1e-10  # singular value of the sensitivities to offsets, relative to the largest, that determines nothing
+
+SETTLED = 1e-14
+"""Response to an initial state, relative to its first sample, that is negligible."""
 
 BLOCK = 2**16
 """Samples whose regressors are held at a time: those of a million samples of ten outputs take more than 1 GB."""
@@ -116,17 +120,19 @@ def unexplained_offsets(model: StateSpace, parts: Sequence[IOData]) -> tuple[Flo
     return offsets, before, after
 
 
-def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[FloatArray, float, float]:
+def unexplained_offset(
+    model: StateSpace, parts: Sequence[IOData], one_step_errors: Sequence[FloatArray] | None = None
+) -> tuple[FloatArray, float, float]:
     """Constant offset of every output (ny,) that explains most of the one-step errors, with free initial states.
 
     Returned beside it: the sums of squares of the errors before and after. Zeros and infinite sums if the predictor
-    diverges.
+    diverges. The one-step errors of each part (N, ny) from any initial state are computed where they are not known.
     """
     gram, moment, total = np.zeros((model.ny, model.ny)), np.zeros(model.ny), 0.0
-    for record in parts:
+    for k, record in enumerate(parts):
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
-            table = _error_table(model, record)
+            table = _error_table(model, record, None if one_step_errors is None else one_step_errors[k])
         if table is None:
             return np.zeros(model.ny), np.inf, np.inf
         if model.order:
@@ -140,14 +146,15 @@ def unexplained_offset(model: StateSpace, parts: Sequence[IOData]) -> tuple[Floa
     return offset, total, total - float(moment @ offset)
 
 
-def _error_table(model: StateSpace, record: IOData) -> FloatArray | None:
+def _error_table(model: StateSpace, record: IOData, errors: FloatArray | None) -> FloatArray | None:
     """One-step errors by a unit of each initial state and each offset, and those of the record, as columns.
 
     The rows (rows, order + ny + 1) are the known outputs after the initialisation window; those of a long record are
     replaced by their triangular factor. None if the predictor diverges.
     """
     order = model.order
-    errors = residuals(model, record, x0=np.zeros(order))
+    if errors is None or not np.isfinite(errors[record.known]).all():
+        errors = residuals(model, record, x0=np.zeros(order))
     # the predictor with the constant outputs as further states
     predictor = np.eye(order + model.ny)
     predictor[:order] = np.hstack((model.A - model.gain @ model.C, model.gain))
@@ -155,6 +162,9 @@ def _error_table(model: StateSpace, record: IOData) -> FloatArray | None:
     block = BLOCK if record.complete else len(record)
     unit_errors = partial(_unit_errors, model)
     if record.complete and CompanionForm.of(model.A) is None:
+        settled = _settled_error_table(model, record, errors)
+        if settled is not None:
+            return settled
         unit_errors = partial(_unit_errors_by_powers, model, predictor)
     table, starts = np.empty((0, order + model.ny + 1)), np.eye(order + model.ny)
     for first in range(0, len(record), block):
@@ -173,6 +183,34 @@ def _error_table(model: StateSpace, record: IOData) -> FloatArray | None:
         # a triangular factor has the least squares of all its rows
         table = np.asarray(np.linalg.qr(np.vstack((table, rows)), mode="r"))
     return table
+
+
+def _settled_error_table(model: StateSpace, record: IOData, errors: FloatArray) -> FloatArray | None:
+    """`_error_table` of a complete record that outlasts the initial state; None if it does not.
+
+    Afterwards the error by a unit of each offset is constant, G, and m rows have the least squares of a few: the sum of
+    (e - G o)^2 is m (mean(e) - G o)^2 plus that of (e - mean(e))^2.
+    """
+    order, ny = model.order, model.ny
+    by_states = free_response(model.A - model.gain @ model.C, model.C, len(record))
+    end = len(by_states)
+    scale = float(np.abs(by_states[:1]).max(initial=0.0))
+    if end >= len(record) - record.window or not np.abs(by_states[-1:]).max(initial=0.0) <= SETTLED * scale:
+        return None
+    by_offsets = np.tile(np.eye(ny), (end + 1, 1, 1))
+    by_offsets[1:] -= np.cumsum(by_states @ model.gain, axis=0)
+    first = min(record.window, end)
+    transient = np.concatenate((-by_states, by_offsets[:-1], errors[:end, :, None]), axis=2)[first:]
+    rest = errors[max(record.window, end) :]
+    mean = rest.mean(axis=0)
+    constant = np.sqrt(len(rest)) * np.hstack((np.zeros((ny, order)), by_offsets[-1], mean[:, None]))
+    remainder = np.zeros((1, order + ny + 1))
+    remainder[0, -1] = np.linalg.norm(rest - mean)
+    table = np.vstack((transient.reshape(-1, order + ny + 1), constant, remainder))
+    if not np.isfinite(table).all() or np.abs(table[:, :-1]).max(initial=0.0) > ENDLESS * np.sqrt(len(rest)):
+        return None
+    triangle, lengths = scaled_triangle(table)
+    return triangle * lengths
 
 
 def _unit_errors(model: StateSpace, piece: IOData, starts: FloatArray) -> list[FloatArray]:

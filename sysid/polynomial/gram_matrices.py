@@ -64,28 +64,54 @@ def hankel_moments(signals: Sequence[FloatArray], blocks: int) -> FloatArray:
     only the first block row needs sums over the whole record.
     """
     q = signals[0].shape[1]
-    out = np.zeros((blocks, blocks, q, q))
+    out = np.zeros((blocks, q, blocks, q))
     for z in signals:
-        for lag in range(blocks):
-            diagonal = _diagonal_of_moments(z, blocks, lag)
-            index = np.arange(blocks - lag)
-            out[index, index + lag] += diagonal
-            if lag:
-                out[index + lag, index] += diagonal.transpose(0, 2, 1)
+        out += _hankel_sums(z, blocks)
     count = sum(len(z) - blocks + 1 for z in signals)
-    return out.transpose(0, 2, 1, 3).reshape(blocks * q, blocks * q) / count
+    return out.reshape(blocks * q, blocks * q) / count
 
 
-def _diagonal_of_moments(z: FloatArray, blocks: int, lag: int) -> FloatArray:
-    """Sums over t of z(t + i) z(t + i + lag)' for i = 0, ..., blocks - lag - 1, (blocks - lag, q, q), of z (N, q)."""
+def _hankel_sums(z: FloatArray, blocks: int) -> FloatArray:
+    """Sums over t of z(t + i) z(t + j)' for i, j = 0, ..., blocks - 1, (blocks, q, blocks, q), of z (N, q)."""
     q = z.shape[1]
     columns = len(z) - blocks + 1
-    first = z[:columns].T @ z[lag : lag + columns]
-    steps = blocks - lag - 1
-    entering = z[columns : columns + steps, :, None] * z[columns + lag : columns + lag + steps, None]
-    leaving = z[:steps, :, None] * z[lag : lag + steps, None]
-    changes = np.cumsum(entering - leaving, axis=0)
-    return np.asarray(first + np.concatenate((np.zeros((1, q, q)), changes)))
+    out = np.empty((blocks, q, blocks, q))
+    out[0] = lagged_sums(z, z, blocks).transpose(1, 0, 2)
+    # one sample later, a product enters at the end of the sum and the first one leaves
+    first, last = z[: blocks - 1], z[columns : columns + blocks - 1]
+    for i in range(blocks - 1):
+        change = np.multiply.outer(last[i], last[i:]) - np.multiply.outer(first[i], first[i:])
+        out[i + 1, :, i + 1 :] = out[i, :, i:-1] + change
+    # sums below the diagonal are those above it
+    for i in range(1, blocks):
+        out[i, :, :i] = out[:i, :, i].transpose(2, 0, 1)
+    return out
+
+
+def lagged_sums(s: FloatArray, z: FloatArray, lags: int) -> FloatArray:
+    """Sums over t = 0, ..., N - lags of s(t) z(t + j)' for j = 0, ..., lags - 1, (lags, p, q), of s (N, p), z (N, q).
+
+    Stretches of `lags` samples as rows turn all lags into products of two large matrices: each stretch with itself
+    and with the next one. Half of the products are not needed, and still cost less than a pass for every lag.
+    """
+    (steps, p), q = s.shape, z.shape[1]
+    columns = steps - lags + 1
+    # the last stretch needs a whole one after it
+    stretches = max((columns - 1) // lags, 0)
+    covered = stretches * lags
+    out = np.zeros((lags, p, q))
+    if stretches:
+        present = np.ascontiguousarray(s[:covered]).reshape(stretches, lags * p)
+        same = np.ascontiguousarray(z[:covered]).reshape(stretches, lags * q)
+        following = np.ascontiguousarray(z[lags : covered + lags]).reshape(stretches, lags * q)
+        products = np.empty((lags, p, 2 * lags, q))
+        products[:, :, :lags] = (present.T @ same).reshape(lags, p, lags, q)
+        products[:, :, lags:] = (present.T @ following).reshape(lags, p, lags, q)
+        for i in range(lags):
+            out += products[i, :, i : i + lags].transpose(1, 0, 2)
+    rest = columns - covered
+    windows = np.lib.stride_tricks.sliding_window_view(z[covered:], rest, axis=0)
+    return np.asarray(out + (windows @ s[covered : covered + rest]).transpose(0, 2, 1))
 
 
 def hankel_triangle(

@@ -28,19 +28,23 @@ EXACT = 1e-20  # sum of squares of the errors, relative to that of the outputs, 
 ADVICE = "; oe, arx, armax, bj, tfest and procest take offset=True"
 
 
-def offset_messages(model: StateSpace, experiments: Sequence[IOData]) -> list[str]:
+def offset_messages(
+    model: StateSpace, experiments: Sequence[IOData], errors: Sequence[FloatArray] | None = None
+) -> list[str]:
     """Describe the constant that one-step errors show, the most certain of all experiments.
 
     A record that begins far from its level keeps a constant when its mean is subtracted, as the transient belongs to
     the mean. Nothing in the fit tells it: the gain gives way. The evidence is the decrease of the squared errors by a
-    constant in the output, the initial state free, over their spectrum at 0 Hz.
+    constant in the output, the initial state free, over their spectrum at 0 Hz. The one-step `errors` of each
+    experiment (N, ny), from any initial state, need not be computed again where they are known.
     """
     if not model.nu:
         return []
     best, evidence, where = np.zeros(model.ny), 0.0, ""
     for k, experiment in enumerate(experiments):
         record = experiment[: experiment.window + LONGEST]
-        offset, found = _evidence(model, record)
+        known_errors = None if errors is None else errors[k][: len(record)]
+        offset, found = _evidence(model, record, known_errors)
         if found > evidence:
             best, evidence = offset, found
             where = f" in experiment {experiment.name or k + 1}" if len(experiments) > 1 else ""
@@ -115,14 +119,14 @@ def constant_messages(
     return offset_message(np.array([constants[place]]), evidence, where, experiments[0].output_names or ())
 
 
-def _evidence(model: StateSpace, record: IOData) -> tuple[FloatArray, float]:
+def _evidence(model: StateSpace, record: IOData, errors: FloatArray | None) -> tuple[FloatArray, float]:
     """Constant of each output (ny,) that explains most of the errors, and its evidence; 0 where it cannot be told."""
     samples = int(record.known[record.window :].sum())
     free = samples - model.order - model.ny
     none = np.zeros(model.ny)
     if free < ERRORS_PER_COEFFICIENT:
         return none, 0.0
-    offset, before, after = unexplained_offset(model, [record])
+    offset, before, after = unexplained_offset(model, [record], None if errors is None else [errors])
     exact = EXACT * float(np.nansum(record.y**2))
     if not np.isfinite(before) or not after > exact:
         return none, 0.0

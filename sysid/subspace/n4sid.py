@@ -265,10 +265,12 @@ def n4sid(
     delays = input_delays(nk, experiments)
     if any(delays):
         return with_input_delays(partial(fit, gain=gain), experiments, delays)
-    if not all(e.complete for e in experiments):
-        return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
     nu, ny = experiments[0].nu, experiments[0].ny
     order = whole_number("order", order, 1, LARGEST_ORDER)
+    if not all(e.complete for e in experiments):
+        # of outputs that are missing none counts: filled ones tell nothing
+        check_enough_samples(experiments, order, _largest_count(experiments[0], order))
+        return estimate_with_gaps(fit, experiments, truth_value("gain", gain))
     direct, gain, stable = truth_value("direct", direct), truth_value("gain", gain), truth_value("stable", stable)
     one_of("weighting", weighting, get_args(Weighting))
     check_gain(nu, gain)
@@ -310,10 +312,15 @@ def n4sid(
     return _make_estimate(experiments, int(order), scales, step, predictor, direct, moved, messages)
 
 
+def _largest_count(first: IOData, order: int) -> int:
+    """Number of parameters of a model with gain and direct term."""
+    return order * (first.nu + 2 * first.ny) + first.nu * first.ny
+
+
 def _block_row_limits(experiments: Sequence[IOData], order: int) -> tuple[int, int]:
     """Fewest block rows that the order needs, and the largest number that the data allow."""
     nu, ny = experiments[0].nu, experiments[0].ny
-    samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny)
+    samples = check_enough_samples(experiments, order, _largest_count(experiments[0], order))
     shortest = min(len(e) - e.window for e in experiments)
     # the triangle has 2 s (nu + ny) rows, and needs as many columns
     columns = samples + len(experiments)

@@ -59,15 +59,16 @@ def pbsid(
         SysidWarning: Poor excitation, means that do not fit the dynamics, an order beyond the rank of the data.
     """
     experiments = as_experiments(data, missing=True)
+    nu, ny = experiments[0].nu, experiments[0].ny
+    order, direct = whole_number("order", order, 1), truth_value("direct", direct)
+    # of outputs that are missing none counts: filled ones tell nothing
+    samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny * direct)
     if not all(e.complete for e in experiments):
 
         def fit_filled(filled: Sequence[IOData], _: bool) -> Estimate:
             return pbsid(filled, order, p=p, block_rows=block_rows, direct=direct)
 
         return estimate_with_gaps(fit_filled, experiments, True)
-    nu, ny = experiments[0].nu, experiments[0].ny
-    order, direct = whole_number("order", order, 1), truth_value("direct", direct)
-    samples = check_enough_samples(experiments, order, order * (nu + 2 * ny) + nu * ny * direct)
     scales = Scales.of(experiments)
     scaled = [replace(e, u=e.u / scales.u, y=e.y / scales.y) for e in experiments]
     fewest = -(-order // ny)

@@ -8,7 +8,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sysid.models.data_summary import DataSummary
-from sysid.models.recursion import state_trajectory
+from sysid.models.recursion import output_by_blocks
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.orthonormal_basis import gramian
 from sysid.polynomial.stability_limit import STABILITY_MARGIN
@@ -102,7 +102,12 @@ class Predictor:
 
     def predict(self, w: FloatArray, u: FloatArray, x0: FloatArray) -> FloatArray:
         """Predicted output (N, ny)."""
-        return state_trajectory(self.A, w @ self.M.T, x0) @ self.C.T + u @ self.D.T
+        D = self.D
+        if self.has_gain:
+            # present outputs do not act on their own prediction
+            D = np.hstack((D, np.zeros((len(D), len(D)))))
+            return output_by_blocks(self.A, self.M, self.C, D, w, x0)
+        return output_by_blocks(self.A, self.M, self.C, D, u, x0)
 
 
 def _root(gramian: FloatArray) -> FloatArray:
@@ -166,9 +171,11 @@ class Scales:
 
 def _root_mean_squares(signals: list[FloatArray]) -> FloatArray:
     """Root mean square of each channel, of its known samples; one for a silent channel."""
-    squares = np.concatenate(signals) ** 2
-    mean_square = np.nanmean(squares, axis=0) if np.isnan(squares).any() else np.mean(squares, axis=0)
-    return np.where(mean_square > 0.0, np.sqrt(mean_square), 1.0)
+    roots = []
+    for channel in np.concatenate(signals).T:
+        samples = channel[np.isfinite(channel)]
+        roots.append(float(np.linalg.norm(samples)) / np.sqrt(max(len(samples), 1)))
+    return np.array([root if root > 0.0 else 1.0 for root in roots])
 
 
 PRIOR = 300.0  # standard deviation of initial states, in that of the states; a smaller one would bias the criterion

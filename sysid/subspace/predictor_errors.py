@@ -265,7 +265,7 @@ class Point:
         covariance = np.asarray(sum(e.T @ e for e in errors) / samples)
         output_weight = records[0].output_weight
         if output_weight is None:
-            criterion = float(np.linalg.slogdet(_floored(covariance))[1])
+            criterion = float(np.linalg.slogdet(floored(covariance))[1])
         else:
             mean_square = max(_mean_square(covariance, output_weight), np.finfo(float).tiny)
             criterion = len(covariance) * float(np.log(mean_square))
@@ -296,7 +296,7 @@ class Point:
     @property
     def inverse_covariance(self) -> FloatArray:
         """Inverse of the errors' covariance (ny, ny)."""
-        return np.asarray(np.linalg.inv(_floored(self.covariance)), dtype=np.float64)
+        return np.asarray(np.linalg.inv(floored(self.covariance)), dtype=np.float64)
 
     @property
     def weight(self) -> FloatArray:
@@ -325,7 +325,7 @@ def _prior_cost(states: Sequence[FloatArray], spreads: Sequence[FloatArray]) -> 
     return sum(float(np.sum((x / spread) ** 2)) for x, spread in zip(states, spreads, strict=True))
 
 
-def _floored(covariance: FloatArray) -> FloatArray:
+def floored(covariance: FloatArray) -> FloatArray:
     """Covariance with a floor on its diagonal, so that an output without errors leaves it regular."""
     mean = float(np.trace(covariance)) / len(covariance)
     return covariance + max(WEIGHT_FLOOR * mean, np.finfo(float).tiny) * np.eye(len(covariance))

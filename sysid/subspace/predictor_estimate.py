@@ -135,12 +135,13 @@ def make_predictor_estimate(
         scored_errors = np.concatenate([error[e.window :] for error, e in zip(errors, experiments, strict=True)])
         variance = scored_errors.T @ scored_errors / freedom
     realise = RealiseLocally(predictor, basis, parameters, scales, summary, variance)
+    model = realise(parameters)
     if not any("offset" in message for message in messages):
-        of_offset = offset_messages(realise(parameters), experiments)
+        of_offset = offset_messages(model, experiments, errors)
         messages = (*messages, *of_offset)
         warn_each(of_offset, stacklevel=3)
     return Estimate(
-        model=realise(parameters),
+        model=model,
         polynomials=None,
         parameters=parameters,
         parameter_names=tuple(f"local{i + 1}" for i in range(len(parameters))),

@@ -17,6 +17,7 @@ import scipy
 from sysid.polynomial.correlation import autoregression
 from sysid.polynomial.stability_limit import STABILITY_MARGIN, constrained_step, noise_margin
 from sysid.records.arrays import FloatArray
+from sysid.subspace.input_regression import regression_on_inputs
 from sysid.subspace.observer_gain import spectral_radius
 from sysid.subspace.predictor import Predictor, Record
 from sysid.subspace.predictor_errors import Point, gapped_normal, without_initial_state
@@ -215,7 +216,26 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
     """
     if not directions(start).shape[1]:
         return start
-    point = Point.at(records, start.balanced(), np.eye(start.C.shape[0]))
+    into, back = start.balancing()
+    balanced = Predictor(into @ start.A @ back, into @ start.M, start.C @ back, start.D)
+    fitted: Predictor | None = None
+    complete = all(record.known is None and record.output_weight is None for record in records)
+    if complete and not start.has_gain and not _is_slow(records, start):
+        fitted = regression_on_inputs(records, balanced, directions(balanced))
+    if fitted is None:
+        fitted = _refined_fit(records, balanced, directions)
+    # M of the fit is in balanced coordinates, A and C of the start are not
+    return Predictor(start.A, back @ fitted.M, start.C, fitted.D)
+
+
+def _is_slow(records: Sequence[Record], predictor: Predictor) -> bool:
+    """Whether a pole is too near the unit circle for the longest record."""
+    return spectral_radius(predictor.A) > 1.0 - RESOLVED / max(len(r.y) for r in records)
+
+
+def _refined_fit(records: Sequence[Record], start: Predictor, directions: Directions) -> Predictor:
+    """`least_squares_fit` from a balanced start by errors computed sample by sample, and in balanced coordinates."""
+    point = Point.at(records, start, np.eye(start.C.shape[0]))
     power = float(np.mean([np.mean(r.y**2) for r in records]))
     for _ in range(REPAIRS):
         normal = linearise(records, point, directions(point.predictor))
@@ -229,8 +249,7 @@ def least_squares_fit(records: Sequence[Record], start: Predictor, directions: D
         # errors of a hundredth of the output or more: neither rounding nor the first weights matter
         if point.mean_square > 1e-4 * power:
             break
-    # M of the fit is in balanced coordinates, A and C of the start are not
-    return Predictor(start.A, start.balancing()[1] @ point.predictor.M, start.C, point.predictor.D)
+    return point.predictor
 
 
 def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Normal:
@@ -241,9 +260,11 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
     root = np.linalg.cholesky(weight)
     q = basis.shape[1]
     information, gradient = np.zeros((q, q)), np.zeros(q)
-    slow = spectral_radius(point.predictor.A) > 1.0 - RESOLVED / max(len(r.y) for r in records)
+    slow = _is_slow(records, point.predictor)
     if not slow:
-        sensitivities = Sensitivities.of(point.predictor, bool(basis[: point.predictor.A.size].any()))
+        by_dynamics = bool(basis[: point.predictor.A.size].any())
+        sensitivities = Sensitivities.of(point.predictor, by_dynamics)
+        sums = sensitivities.moments if by_dynamics else sensitivities.filtered_moments
     for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
         if slow:
             jacobian = prediction_jacobian(point.predictor, record, x0, basis)
@@ -251,7 +272,7 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
             full, slope = flat.T @ flat, flat.T @ (e @ root).ravel()
         else:
             table = sensitivities.table(x0, basis)
-            moments, products = sensitivities.moments(record, e)
+            moments, products = sums(record, e)
             weighted = np.einsum("lr,lac->rac", root, table)
             flat = weighted.reshape(-1, table.shape[2])
             full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)

@@ -4,21 +4,30 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sysid.models.block_response import chained, powers_up_to
 from sysid.models.recursion import free_response, state_trajectory
 from sysid.polynomial.orthonormal_basis import all_pass, gramian, stein
 from sysid.records.arrays import FloatArray
 from sysid.subspace.predictor import Predictor, Record
+
+LENGTH = 8
+"""Samples of a block whose products are computed together: products of more samples cost more, of fewer the states."""
+
+STRETCH = 512 * LENGTH
+"""Samples at a time: their blocks stay near the processor."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
     """Derivatives of the prediction in the basis (zI - F)^-1 b of 2n functions, applied to w and to a pulse.
 
+    Derivatives by entries of M and D alone have each pole once: n functions serve, and k stands for either number.
+
     Attributes:
         predictor: The predictor.
-        F: State matrix of the basis (2n, 2n).
-        b: Its input (2n,).
-        states: (zI - A)^-1 e_i, coefficients by state, i, and function (n, n, 2n).
+        F: State matrix of the basis (k, k).
+        b: Its input (k,).
+        states: (zI - A)^-1 e_i, coefficients by state, i, and function (n, n, k).
         twice: C (zI - A)^-1 e_i times function a of the first n (ny, n, n, 2n), the costly part; None without
             derivatives by A.
     """
@@ -34,15 +43,15 @@ class Sensitivities:
         """Solve for the coefficients, which do not depend on the data; those by A only with `by_dynamics`."""
         n = len(predictor.A)
         # every derivative has the poles of the predictor, each at most twice
-        once = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
-        basis = once.then(once)
-        pulses = np.zeros((n, n, 2 * n))
-        pulses[range(n), range(n)] = basis.b
+        basis = all_pass(np.linalg.eigvals(predictor.A).astype(complex))
         twice = None
         if by_dynamics:
+            basis = basis.then(basis)
             driven = np.zeros((n, n, n, 2 * n))
             driven[range(n), range(n)] = basis.F[:, :n].T
             twice = np.tensordot(predictor.C, stein(predictor.A, basis.F, driven), 1)
+        pulses = np.zeros((n, n, len(basis.b)))
+        pulses[range(n), range(n)] = basis.b
         return Sensitivities(predictor, basis.F, basis.b, stein(predictor.A, basis.F, pulses), twice)
 
     def table(self, x0: FloatArray, basis: FloatArray) -> FloatArray:
@@ -53,7 +62,7 @@ class Sensitivities:
         p = self.predictor
         n, nw = p.M.shape
         ny, nu = p.D.shape
-        k = 2 * n
+        k = len(self.b)
         # the pulse at the begin drives the state to x0
         x = np.einsum("ic,jia->cja", np.column_stack((p.M, x0)), self.states)
         observed = np.tensordot(p.C, self.states, 1)
@@ -117,6 +126,103 @@ class Sensitivities:
         products[nw * k : functions] = responses.T @ e[: len(responses)]
         products[functions:] = record.u.T @ e
         return out, products
+
+    def filtered_moments(self, record: Record, e: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same sums by blocks of samples: for n functions it costs less than the correlations at all lags."""
+        (steps, nu), ny, k = record.u.shape, e.shape[1], len(self.b)
+        driven = record.w.shape[1] * k
+        filters = BlockFilters.of(self.F, self.b, record.w.shape[1], nu, ny)
+        samples = np.hstack((record.w, e))
+        sums = filters.sums(samples)
+        pulse = free_response(self.F.T, self.b[None], steps)[:, 0]
+        by_pulse = pulse.T @ filters.signals(samples[: len(pulse)])
+        size = driven + k + nu
+        others = np.r_[:driven, driven + k : size]
+        out, products = np.zeros((size, size)), np.zeros((size, ny))
+        out[np.ix_(others, others)] = sums[: driven + nu, : driven + nu]
+        out[driven : driven + k, others] = by_pulse[:, : driven + nu]
+        out[others, driven : driven + k] = by_pulse[:, : driven + nu].T
+        out[driven : driven + k, driven : driven + k] = pulse.T @ pulse
+        products[others] = sums[: driven + nu, driven + nu :]
+        products[driven : driven + k] = by_pulse[:, driven + nu :]
+        return out, products
+
+
+@dataclass(frozen=True, eq=False)
+class BlockFilters:
+    """Filters x(t+1) = F x(t) + b s(t), one for each driving channel s, run over blocks of LENGTH samples.
+
+    Signals are the states of all filters, then some of the channels themselves. Within a block they are linear in the
+    states before it and in its samples, so that their products follow from those of states and samples of all blocks.
+
+    Attributes:
+        transition: F^LENGTH transposed (k, k).
+        drive: From the samples of a channel in a block to its state after it (LENGTH, k).
+        into: From states before a block and its samples to the signals at each sample (p, LENGTH, signals).
+        driving: Number of driving channels, the first.
+    """
+
+    transition: FloatArray
+    drive: FloatArray
+    into: FloatArray
+    driving: int
+
+    @staticmethod
+    def of(F: FloatArray, b: FloatArray, driving: int, nu: int, ny: int) -> "BlockFilters":
+        """Filters of the driving channels; the first nu of them, and ny further channels, are signals too."""
+        k, channels = len(b), driving + ny
+        powers = powers_up_to(F, LENGTH)
+        responses = powers[:-1] @ b
+        direct = np.r_[:nu, driving:channels]
+        into = np.zeros((driving * k + LENGTH * channels, LENGTH, driving * k + len(direct)))
+        into_samples = into[driving * k :].reshape(LENGTH, channels, LENGTH, -1)
+        for c in range(driving):
+            columns = slice(c * k, (c + 1) * k)
+            into[columns, :, columns] = powers[:-1].transpose(2, 0, 1)
+            for i in range(LENGTH - 1):
+                into_samples[i, c, i + 1 :, columns] = responses[: LENGTH - 1 - i]
+        for i in range(LENGTH):
+            into_samples[i, direct, i, driving * k + np.arange(len(direct))] = 1.0
+        return BlockFilters(powers[-1].T.copy(), responses[::-1].copy(), into, driving)
+
+    def sums(self, samples: FloatArray) -> FloatArray:
+        """Sums over time of signal signal' (signals, signals) for the samples of all channels (N, channels)."""
+        p, signals = len(self.into), self.into.shape[2]
+        products = np.zeros((p, p))
+        whole = len(samples) // LENGTH * LENGTH
+        states = np.zeros((self.driving, len(self.transition)))
+        for begin in range(0, whole, STRETCH):
+            blocks, states = self.blocks(samples[begin : min(begin + STRETCH, whole)], states)
+            products += blocks.T @ blocks
+        by_sample = (products @ self.into.reshape(p, -1)).reshape(-1, signals)
+        rest = self.last_signals(samples[whole:], states)
+        return np.asarray(self.into.reshape(-1, signals).T @ by_sample + rest.T @ rest)
+
+    def signals(self, samples: FloatArray) -> FloatArray:
+        """The signals (N, signals) for the samples of all channels (N, channels), from rest."""
+        p, signals = len(self.into), self.into.shape[2]
+        whole = len(samples) // LENGTH * LENGTH
+        blocks, states = self.blocks(samples[:whole], np.zeros((self.driving, len(self.transition))))
+        first = (blocks @ self.into.reshape(p, -1)).reshape(-1, signals)
+        return np.vstack((first, self.last_signals(samples[whole:], states)))
+
+    def blocks(self, samples: FloatArray, states: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """States before each block with its samples (blocks, p), and the states after the last (driving, k)."""
+        count, channels, k = len(samples) // LENGTH, samples.shape[1], len(self.transition)
+        by_block = samples.reshape(count, LENGTH, channels)
+        driving = by_block[:, :, : self.driving].transpose(0, 2, 1).reshape(-1, LENGTH)
+        drive = (driving @ self.drive).reshape(count, self.driving, k)
+        before = chained(self.transition, drive, states)
+        return np.hstack(
+            (before[:-1].reshape(count, self.driving * k), by_block.reshape(count, LENGTH * channels))
+        ), before[-1]
+
+    def last_signals(self, samples: FloatArray, states: FloatArray) -> FloatArray:
+        """The signals of fewer than LENGTH samples (samples, signals) from states (driving, k)."""
+        padded = np.zeros((LENGTH, samples.shape[1]))
+        padded[: len(samples)] = samples
+        block = np.concatenate((states.ravel(), padded.ravel()))
+        return np.tensordot(block, self.into, 1)[: len(samples)]
 
 
 def prediction_jacobian(predictor: Predictor, record: Record, x0: FloatArray, basis: FloatArray) -> FloatArray:

@@ -7,6 +7,7 @@ covariances or for the Kalman gain are left alone: they return another model, or
 
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 import sysid
@@ -39,11 +40,13 @@ def fastest(run, rounds=7):
     return 1e3 * min(timed(run)[1] for _ in range(rounds))
 
 
-def slicot(data, block_rows):
-    ctrlsys = pytest.importorskip("ctrlsys")
+def slicot(data, block_rows, order=ORDER):
+    ctrlsys = pytest.importorskip(
+        "ctrlsys", reason="SLICOT's wheel `ctrlsys` is not installed: no peer to compare with"
+    )
     u, y = np.asfortranarray(data.u), np.asfortranarray(data.y)
-    factor = ctrlsys.ib01ad("N", "C", "N", "O", "N", "N", block_rows, 3, 3, u, y, 0.0, -1.0)[1]
-    A, C, B, D = ctrlsys.ib01bd("N", "A", "N", block_rows, ORDER, 3, 3, len(u), factor, 0.0)[:4]
+    factor = ctrlsys.ib01ad("N", "C", "N", "O", "N", "N", block_rows, data.nu, data.ny, u, y, 0.0, -1.0)[1]
+    A, C, B, D = ctrlsys.ib01bd("N", "A", "N", block_rows, order, data.nu, data.ny, len(u), factor, 0.0)[:4]
     return sysid.StateSpace(A, B, C, D, None, data.dt)
 
 
@@ -88,6 +91,38 @@ def test_time_beside_slicot():
         # at the block rows at which SLICOT is at its best
         assert times["pem_ss"] <= 30.0 * theirs[25]
         assert total < 500.0
+
+
+def random_record(order, channels, samples):
+    """A record of a stable system with as many inputs as outputs, noise of a tenth of the outputs."""
+    rng = np.random.default_rng(order)
+    blocks = []
+    for radius, angle in zip(rng.uniform(0.6, 0.95, order // 2), rng.uniform(0.1, 2.5, order // 2), strict=True):
+        cosine, sine = radius * np.cos(angle), radius * np.sin(angle)
+        blocks.append([[cosine, -sine], [sine, cosine]])
+    B, C = rng.standard_normal((order, channels)), rng.standard_normal((channels, order))
+    truth = sysid.StateSpace(block_diag(*blocks), B, C, np.zeros((channels, channels)), None, 0.1)
+    u = rng.standard_normal((samples, channels))
+    y = sysid.simulate(truth, u)
+    return sysid.IOData(u, y + 0.1 * y.std(axis=0) * rng.standard_normal(y.shape), 0.1)
+
+
+def test_time_of_n4sid_beside_slicot():
+    """The same record, order and block rows; ours also has K, the residuals, and the warnings of the data."""
+    ratios = {}
+    for order in (4, 8):
+        for channels in (1, 2):
+            for samples in (1000, 10_000, 100_000):
+                data = random_record(order, channels, samples)
+                rows = sysid.n4sid(data, order).diagnostics["block_rows"]
+                slicot(data, rows, order)
+                ours = fastest(lambda data=data, order=order: sysid.n4sid(data, order))
+                theirs = fastest(lambda data=data, order=order, rows=rows: slicot(data, rows, order))
+                ratios[order, channels, samples] = ours / theirs
+                print(f"\norder {order}, {channels} x {channels}, {samples} samples, {rows} block rows: ", end="")
+                print(f"n4sid {ours:.1f} ms, SLICOT {theirs:.2f} ms, ratio {ours / theirs:.1f}", end="")
+    print()
+    assert ratios[8, 2, 100_000] <= 6.0
 
 
 @pytest.mark.parametrize("p", [20, 40])

@@ -38,6 +38,7 @@ def test_small_random_records():
         (1763, "impulseest"),
         (1820, "delayest"),
         (1891, "delayest"),
+        (1916, "pbsid"),
         (2204, "procest"),
         (2204, "tfest"),
     ],

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import sysid
-from sysid import IOData, Polynomials, SysidWarning, pbsid
+from sysid import IOData, Polynomials, SysidWarning, n4sid, pbsid
 from sysid.models import innovations_form
 from tests.refusals import refused
 from tests.sysid.systems import in_feedback, losing, multivariable, record_in_motion
@@ -70,3 +70,13 @@ def test_refusals():
     refused("block_rows must be a whole number from 2 to 5", pbsid, data, 2, p=5, block_rows=6)
     refused("too many observer parameters", pbsid, data, 2, p=40)
     refused("expected an input", pbsid, IOData(None, data.y, 0.1), 2)
+
+
+def test_missing_outputs_do_not_count_as_samples():
+    """18 samples, of which 12 of each output are missing, leave fewer equations than an order of 2 has unknowns."""
+    rng = np.random.default_rng(0)
+    u, y = rng.standard_normal(18), rng.standard_normal((18, 2))
+    y[4:16] = np.nan
+    record = IOData(u, y, 0.1, missing=True)
+    for estimator in (pbsid, n4sid):
+        refused("6 usable samples of 2 output", estimator, record, 2)
