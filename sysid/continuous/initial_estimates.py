@@ -29,6 +29,25 @@ LONGEST = 10_000  # samples of each experiment that initial estimates use
 NEGLIGIBLE = 1e-13  # singular values of equations, and parts of responses, relative to the largest, that count as zero
 
 
+@dataclass(frozen=True)
+class Effort:
+    """How far initial estimates are refined.
+
+    Attributes:
+        iterated: State-variable filters from which SRIVC goes on, those whose first estimates fit best.
+        refinements: Steps of SRIVC from each.
+    """
+
+    iterated: int
+    refinements: int
+
+
+THOROUGH = Effort(iterated=1_000, refinements=REFINEMENTS)
+"""For one structure: SRIVC from every filter."""
+
+QUICK = Effort(iterated=4, refinements=2)
+"""For one of many structures, whose search goes on from there anyway."""
+
 PathEstimate = tuple[TransferFunction, float]
 """A transfer function and its sum of squared errors."""
 
@@ -46,6 +65,7 @@ class PathData:
         rest: Whether the path begins at rest.
         free: Denominators of further free responses: of other paths, of constants.
         structure: Numbers of poles and zeros, and whether the delay is known.
+        effort: How far estimates are refined.
     """
 
     inputs: Sequence[FloatArray]
@@ -56,6 +76,7 @@ class PathData:
     rest: bool
     free: Sequence[FloatArray]
     structure: PathStructure
+    effort: Effort = THOROUGH
 
     def stacked(self, a: FloatArray, blocks: Sequence[FloatArray]) -> FloatArray:
         """Columns of all experiments (rows, k), from `first` on and without the free responses of 1/A."""
@@ -160,7 +181,7 @@ def path_estimates(data: PathData, longest: float) -> list[PathEstimate]:
     for path, _ in coarse:
         delays, costs = data.by_delay(path.a, longest)
         for k in _lowest_minima(costs):
-            near_minima.append(_iterated(data, path.a, float(delays[k])))
+            near_minima.append(_iterated(data, data.numerator(path.a, float(delays[k]))))
     chosen: list[PathEstimate] = []
     for path, cost in _best(near_minima + coarse):
         # two delays within half a sample lead to one minimum
@@ -174,7 +195,7 @@ def _estimates_at(data: PathData, delays: Sequence[float] | FloatArray) -> list[
     n = data.structure.poles
     length = len(data.inputs[0]) * data.dt
     bandwidths = np.geomspace(10.0 / length, 1.0 / data.dt, BANDWIDTHS) if n else np.ones(1)
-    candidates = []
+    starts: list[PathEstimate] = []
     for delay in delays:
         for bandwidth in bandwidths:
             # all poles at one real rate; without poles the filter is 1
@@ -182,12 +203,14 @@ def _estimates_at(data: PathData, delays: Sequence[float] | FloatArray) -> list[
             if n:
                 state_variables = TransferFunction(np.ones(1), a, float(delay))
                 a = data.refined(state_variables, instruments=False)
-            candidates.append(_iterated(data, a, float(delay)))
+            starts.append(data.numerator(a, float(delay)))
         # without a resonance the filters alone lead to the minimum, and an integrator is in no output-error estimate
         if data.structure.resonates and not data.structure.integrators:
             for a in sampled_denominators(data.experiments(), n, float(delay)):
-                candidates.append(_iterated(data, _stabilised(a, 0), float(delay)))
-    return _best(candidates)[:KEPT]
+                starts.append(data.numerator(_stabilised(a, 0), float(delay)))
+    if len(starts) > data.effort.iterated:
+        starts = sorted(starts, key=lambda start: start[1])[: data.effort.iterated]
+    return _best([_iterated(data, start) for start in starts])[:KEPT]
 
 
 def _lowest_minima(costs: FloatArray) -> np.ndarray:
@@ -197,18 +220,18 @@ def _lowest_minima(costs: FloatArray) -> np.ndarray:
     return minima[np.argsort(costs[minima])][:2]
 
 
-def _iterated(data: PathData, a: FloatArray, delay: float) -> PathEstimate:
+def _iterated(data: PathData, start: PathEstimate) -> PathEstimate:
     """The best of a few steps of SRIVC at one delay, and its sum of squared errors."""
-    best = data.numerator(a, delay)
+    best = start
     if not data.structure.poles:
         return best
     latest = best
-    for _ in range(REFINEMENTS):
+    for _ in range(data.effort.refinements):
         previous_cost = latest[1]
         a = data.refined(latest[0], instruments=True)
         if not _resolved(a, data):
             break
-        latest = data.numerator(a, delay)
+        latest = data.numerator(a, start[0].delay)
         # SRIVC minimises no criterion: a step may make the errors larger
         if latest[1] < best[1]:
             best = latest
@@ -235,6 +258,7 @@ class OutputRecords:
         longest: Limit on delays, s.
         free: Whether initial states are free.
         offset: Whether each experiment has a free constant in its output.
+        effort: How far estimates are refined.
     """
 
     experiments: Sequence[IOData]
@@ -244,6 +268,7 @@ class OutputRecords:
     longest: float
     free: bool
     offset: bool
+    effort: Effort
 
     def estimate_path(self, j: int, estimates: dict[int, list[PathEstimate]]) -> list[PathEstimate]:
         """Estimates of the path of input j, to the output without the responses of the paths estimated so far."""
@@ -271,6 +296,7 @@ class OutputRecords:
             rest=not self.free,
             free=denominators,
             structure=self.structures[j],
+            effort=self.effort,
         )
         return path_estimates(data, self.longest)
 
@@ -283,11 +309,12 @@ def initial_estimates(
     *,
     free: bool,
     offset: bool,
+    effort: Effort = THOROUGH,
 ) -> list[FloatArray]:
     """Parameters to start from, best first: path by path, each to the output without the others' responses."""
     shortened = [experiment[:LONGEST] for experiment in experiments]
     outputs = [interpolated(experiment)[:, 0] for experiment in shortened]
-    records = OutputRecords(shortened, outputs, structures, first, longest, free, offset)
+    records = OutputRecords(shortened, outputs, structures, first, longest, free, offset, effort)
     count = len(structures)
     estimates: dict[int, list[PathEstimate]] = {}
     # those of other inputs are part of the noise as yet: the path that explains most comes first

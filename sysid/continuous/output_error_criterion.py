@@ -14,7 +14,7 @@ from sysid.continuous.stability_limit import MARGIN, moved_inside, outward
 from sysid.continuous.structures import PathStructure, RationalPath
 from sysid.polynomial.error_jacobian import orthonormal
 from sysid.polynomial.least_squares import scaled_triangle
-from sysid.polynomial.prediction_error import Linearisation, Minimum, levenberg_marquardt
+from sysid.polynomial.prediction_error import CONVERGED, Linearisation, Minimum, levenberg_marquardt
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -213,9 +213,11 @@ class OutputError:
             begin += len(values)
         return np.vstack(rows), np.concatenate(reach)
 
-    def minimum(self, start: Linearisation, max_iterations: int) -> Minimum:
-        """The minimum that a search from a linearisation leads to."""
-        return levenberg_marquardt(self, start, self.energy, outward=self.outward, max_iterations=max_iterations)
+    def minimum(self, start: Linearisation, max_iterations: int, tolerance: float = CONVERGED) -> Minimum:
+        """The minimum that a search from a linearisation leads to, up to a remaining decrease relative to the cost."""
+        return levenberg_marquardt(
+            self, start, self.energy, outward=self.outward, max_iterations=max_iterations, tolerance=tolerance
+        )
 
     def _stable(self, theta: FloatArray) -> bool:
         """Whether poles but integrators are left of the imaginary axis, and no number beyond what samples show."""

@@ -9,7 +9,7 @@ import numpy as np
 from sysid.continuous.initial_estimates import initial_estimates
 from sysid.continuous.output_error_criterion import TIGHT, OutputError
 from sysid.continuous.structures import enlarged
-from sysid.polynomial.prediction_error import SCREENING_STEPS, Linearisation, Minimum
+from sysid.polynomial.prediction_error import SCREENING_STEPS, Linearisation, LinearModel, Minimum
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
 
@@ -112,40 +112,53 @@ def _agrees(held: OutputFit, fit: OutputFit) -> bool:
     return with_all.errors * np.log(ratio) <= (with_all.errors - without.errors) * np.log(with_all.errors)
 
 
-def quick_minimum(criterion: OutputError, starts: Sequence[FloatArray], steps: int) -> Minimum:
+def quick_minimum(criterion: OutputError, starts: Sequence[FloatArray], steps: int, unfinished: float) -> Minimum:
     """A low minimum in few steps, for one of many structures: from the best start, at delays in the intervals around.
+
+    Args:
+        criterion: The sum of squares.
+        starts: Parameters (p,) each.
+        steps: Limit on the steps of each search.
+        unfinished: Decrease of -2 log likelihood at which a search ends.
 
     Raises:
         SysidError: No start is stable.
     """
+    tolerance = unfinished / sum(criterion.usable())
     screened = []
     for start in starts:
         at = criterion(start)
         if at is not None:
-            screened.append(criterion.minimum(at, SCREENING_STEPS))
+            screened.append(criterion.minimum(at, SCREENING_STEPS, tolerance))
     if not screened:
         raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
-    best = criterion.minimum(min(screened, key=_cost).at, steps)
+    best = criterion.minimum(min(screened, key=_cost).at, steps, tolerance)
     for k in criterion.delays():
-        best = _nearby(criterion, best, k, steps)
+        best = _nearby(criterion, best, k, steps, tolerance)
     return best
 
 
-def _nearby(criterion: OutputError, best: Minimum, k: int, steps: int) -> Minimum:
+def _nearby(criterion: OutputError, best: Minimum, k: int, steps: int, tolerance: float) -> Minimum:
     """A minimum, or a lower one with the delay of parameter k in one of the sampling intervals around."""
     dt = criterion.experiments[0].dt
     cell = math.ceil(best.at.theta[k] / dt - TIGHT)
     for direction in (-1, 1):
         for hop in range(1, HOPS + 1):
             at = _at_delay(criterion, best.at.theta, k, (cell + direction * hop - 0.5) * dt)
-            if at is None:
+            if at is None or not _promises(criterion, at, best.at.cost):
                 break
-            hopped = criterion.minimum(at, SCREENING_STEPS)
+            hopped = criterion.minimum(at, SCREENING_STEPS, tolerance)
             # delay and lags change places slowly: as far as the errors fall
             if hopped.at.cost >= best.at.cost:
                 break
             best = hopped
-    return criterion.minimum(best.at, steps)
+    return criterion.minimum(best.at, steps, tolerance)
+
+
+def _promises(criterion: OutputError, at: Linearisation, cost: float) -> bool:
+    """Whether the linear model at some parameters leads below a cost."""
+    _, decrease = LinearModel.at(at, criterion.outward).step(0.0)
+    return at.cost - decrease < cost
 
 
 def _with_short_delays(criterion: OutputError, fit: OutputFit, max_iterations: int) -> OutputFit:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sysid.continuous import procest, tfest
-from sysid.continuous.initial_estimates import initial_estimates
+from sysid.continuous.initial_estimates import QUICK, initial_estimates
 from sysid.continuous.output_error import LONGEST_DELAY
 from sysid.continuous.output_error_criterion import OutputError
 from sysid.continuous.output_error_search import moves_early, quick_minimum
@@ -41,7 +41,10 @@ LONGEST = 4_000
 """Samples on which candidates are compared."""
 
 SCREENED = 1_500
-"""Samples on which initial estimates are made: only the search that begins there decides."""
+"""Samples of longer records on which each search begins; all compared samples end it."""
+
+UNFINISHED = 0.05
+"""Decrease of -2 log likelihood that is left where the search of a candidate ends: criteria tell no less apart."""
 
 ROUNDING = 1e-9
 """Errors, relative to the deviation of the output, that count as none."""
@@ -54,6 +57,9 @@ INTEGRATES = 0.1
 
 FASTEST = 2.0 * np.pi
 """Modulus of a pole, times the sampling interval, from which on samples do not show it: that of the sampling rate."""
+
+HARDLY_SMALLER = 0.1
+"""Deviation of the errors, relative, by which poles faster than samples show must fall to suggest still more poles."""
 
 UNFIT = 1e9
 """What stands above the criterion of a candidate that follows a disturbance, so that it comes last."""
@@ -95,11 +101,12 @@ def choose_tfest(
         least = search.least
         search.fit(RationalPath(poles, poles - 1, None))
         worse = 0 if search.least < least else worse + 1
-        if worse == WORSE:
+        if worse == WORSE or search.ends_in_fast_poles():
             break
     for structure in search.best_structures(2, within=FAR):
         fewer = range(structure.zeros - 1, -1, -1)
-        search.fit_while_better(RationalPath(structure.poles, zeros, None) for zeros in fewer)
+        fewer_zeros = [RationalPath(structure.poles, zeros, None) for zeros in fewer]
+        search.fit_while_better(fewer_zeros, search.ebic_of(structure) + FAR)
     (best,) = search.best_structures(1)
     search.fit(RationalPath(best.poles, best.zeros, 0.0))
     return search.choice(
@@ -197,6 +204,40 @@ def _drive(criterion: OutputError, minimum: Minimum, half: FloatArray, tables: S
     return least
 
 
+def _samples_before(criterion: OutputError) -> int:
+    """Samples ahead of a part of a record that no error of it counts in."""
+    return round(criterion.longest / criterion.experiments[0].dt)
+
+
+def liveliest_parts(experiments: Sequence[IOData], length: int, margin: int) -> Sequence[IOData]:
+    """For each input the part of so many samples in which it moves most, with a margin ahead of it.
+
+    The experiments themselves where they have hardly more samples.
+    """
+    if sum(map(len, experiments)) <= 1.5 * length:
+        return experiments
+    share = length // experiments[0].nu
+    begins = {_liveliest_part(experiments, j, share): None for j in range(experiments[0].nu)}
+    parts = []
+    for k, begin in begins:
+        parts.append(experiments[k][max(begin - margin, 0) : begin + share])
+    return tuple(parts)
+
+
+def _liveliest_part(experiments: Sequence[IOData], j: int, length: int) -> tuple[int, int]:
+    """Experiment and first sample of the part of so many samples in which input j moves most."""
+    most, liveliest = -1.0, (0, 0)
+    for k, experiment in enumerate(experiments):
+        movement = np.concatenate(([0.0], np.cumsum(np.diff(experiment.u[:, j]) ** 2)))
+        last = max(len(experiment) - length, 0)
+        for begin in (*range(0, last, length // 2), last):
+            end = min(begin + length, len(experiment))
+            moved = float(movement[end - 1] - movement[begin])
+            if moved > most:
+                most, liveliest = moved, (k, begin)
+    return liveliest
+
+
 def _longest_delay(experiments: Sequence[IOData]) -> float:
     """Largest delay that is tried, s, as `tfest` has it."""
     shortest = min(len(experiment) - experiment.window for experiment in experiments)
@@ -210,9 +251,13 @@ def _variants(kind: str, damping: float) -> list[str]:
         kinds.append(kind.replace("U", ""))
     if "D" in kind:
         kinds.append(kind.replace("D", ""))
-    if "Z" not in kind and kind[1] != "0":
+    if "Z" in kind:
+        kinds.append(kind.replace("Z", ""))
+    elif kind[1] != "0":
         kinds.append(f"{kind}Z")
     lags = int(kind[1])
+    if lags > 1 and "U" not in kind:
+        kinds.append(f"{kind}U")
     if 0 < lags < 3:
         kinds.append(f"P{lags + 1}{kind[2:]}")
     if lags > 1:
@@ -262,12 +307,14 @@ class _Fit:
         candidate: How it fits.
         criterion: Sum of squares of its errors.
         theta: Its parameters (p,).
+        cost: Sum of squares at them.
     """
 
     structure: PathStructure
     candidate: Candidate
     criterion: OutputError
     theta: FloatArray
+    cost: float
 
 
 def _rank(fit: _Fit) -> float:
@@ -380,15 +427,29 @@ class _CandidateSearch:
         poles = self._input_path(fit.criterion, fit.theta).poles()
         return poles[np.abs(poles) > 0.0]
 
-    def fit_while_better(self, structures: Iterable[PathStructure]) -> None:
-        """Fit structures, one after the other, up to the first that is worse than the one before."""
-        before = np.inf
+    def ebic_of(self, structure: PathStructure) -> float:
+        """Criterion of a structure; infinite where it could not be fitted."""
+        for fit in self.fits:
+            if fit.structure == structure:
+                return fit.candidate.ebic
+        return np.inf
+
+    def ends_in_fast_poles(self) -> bool:
+        """Whether the last structure has a pole faster than samples show, and hardly smaller errors by it."""
+        if not self.fits or not self.fits[-1].candidate.doubt:
+            return False
+        losses = [fit.candidate.loss for fit in self.fits if fit.candidate.eligible]
+        return bool(losses) and self.fits[-1].candidate.loss > (1.0 - HARDLY_SMALLER) ** 2 * min(losses)
+
+    def fit_while_better(self, structures: Iterable[PathStructure], limit: float) -> None:
+        """Fit structures, one after the other, up to the first that is worse than the one before or than a limit."""
+        before = limit
         for structure in structures:
             self.fit(structure)
-            criteria = [fit.candidate.ebic for fit in self.fits if fit.structure == structure]
-            if not criteria or criteria[0] > before:
+            criterion = self.ebic_of(structure)
+            if criterion > before or np.isinf(criterion):
                 break
-            before = criteria[0]
+            before = criterion
 
     def fit_each(self, structures: Iterable[PathStructure]) -> None:
         """Fit several structures, one after the other."""
@@ -396,16 +457,52 @@ class _CandidateSearch:
             self.fit(structure)
 
     def fit(self, structure: PathStructure) -> None:
-        """Fit a structure from the answers of smaller ones and from estimates of its own; one is fitted once."""
-        if any(fit.structure == structure for fit in self.fits):
-            return
+        """Fit a structure from the answers of smaller ones and from estimates of its own; again from the best one."""
+        for fit in self.fits:
+            if fit.structure == structure:
+                self._fit_again(fit)
+                return
         try:
             criterion = self._criterion(structure)
-            minimum = quick_minimum(criterion, self._starts(criterion), STEPS)
+            minimum = self._minimum(criterion)
         except SysidError as error:
             self.refusal = error
             return
-        self.fits.append(_Fit(structure, self._candidate(structure, criterion, minimum), criterion, minimum.at.theta))
+        self.fits.append(self._fit(structure, criterion, minimum))
+
+    def _fit(self, structure: PathStructure, criterion: OutputError, minimum: Minimum) -> _Fit:
+        """A structure with its minimum."""
+        candidate = self._candidate(structure, criterion, minimum)
+        return _Fit(structure, candidate, criterion, minimum.at.theta, minimum.at.cost)
+
+    def _fit_again(self, fit: _Fit) -> None:
+        """Improve a fit from the parameters of the best one, where these fit better than its own."""
+        best = self.ranked()[0]
+        if best is fit or best.structure.integrators != fit.structure.integrators:
+            return
+        start = fit.criterion(self._near(fit.structure, best))
+        if start is None or start.cost >= fit.cost:
+            return
+        minimum = fit.criterion.minimum(start, STEPS, UNFINISHED / start.errors)
+        self.fits[self.fits.index(fit)] = self._fit(fit.structure, fit.criterion, minimum)
+
+    def _near(self, structure: PathStructure, fit: _Fit) -> FloatArray:
+        """Parameters of a structure that are near a fit of another."""
+        dt = fit.criterion.experiments[0].dt
+        paths = fit.criterion.transfers(fit.theta)
+        return np.concatenate([_reshaped(structure, path, dt) for path in paths])
+
+    def _minimum(self, criterion: OutputError) -> Minimum:
+        """A low minimum of a criterion, in few steps; of long records the search begins on a part of them."""
+        screened = liveliest_parts(criterion.experiments, SCREENED, _samples_before(criterion))
+        if screened is criterion.experiments:
+            return quick_minimum(criterion, self._starts(criterion), STEPS, UNFINISHED)
+        part = replace(criterion, experiments=screened)
+        part = replace(part, held=criterion.held and moves_early(part))
+        start = criterion(quick_minimum(part, self._starts(part), STEPS, UNFINISHED).at.theta)
+        if start is None:
+            raise SysidError("no initial estimate is stable: try fewer poles, or other delays")
+        return criterion.minimum(start, STEPS, UNFINISHED / start.errors)
 
     def _criterion(self, structure: PathStructure) -> OutputError:
         """Sum of squares of the errors of a structure."""
@@ -421,15 +518,14 @@ class _CandidateSearch:
 
     def _starts(self, criterion: OutputError) -> list[FloatArray]:
         """Parameters at which the search of a structure begins: of smaller ones, and by SRIVC at their delays."""
-        structure, dt = criterion.structures[0], criterion.experiments[0].dt
+        structure = criterion.structures[0]
         nearest, no_delay = [], np.zeros(len(criterion.structures))
         for fit in sorted(self.fits, key=lambda fit: fit.candidate.ebic):
             if fit.structure.integrators == structure.integrators:
                 nearest.append(fit)
         starts = []
         for fit in nearest[:2]:
-            paths = fit.criterion.transfers(fit.theta)
-            starts.append(np.concatenate([_reshaped(structure, path, dt) for path in paths]))
+            starts.append(self._near(structure, fit))
         contains = any(
             fit.structure.poles >= structure.poles and fit.structure.zeros >= structure.zeros for fit in nearest
         )
@@ -450,10 +546,15 @@ class _CandidateSearch:
         structures: list[Any] = []
         for structure, delay in zip(criterion.structures, delays, strict=True):
             structures.append(_AtDelay(structure, float(delay)))
-        experiments = [experiment[:SCREENED] for experiment in criterion.experiments]
-        first = [criterion.first(experiment) for experiment in experiments]
+        first = [criterion.first(experiment) for experiment in criterion.experiments]
         return initial_estimates(
-            experiments, structures, first, criterion.longest, free=criterion.free, offset=criterion.offset
+            criterion.experiments,
+            structures,
+            first,
+            criterion.longest,
+            free=criterion.free,
+            offset=criterion.offset,
+            effort=QUICK,
         )
 
     def _candidate(self, structure: PathStructure, criterion: OutputError, minimum: Minimum) -> Candidate:

@@ -6,6 +6,7 @@ import pytest
 
 from sysid import IOData, SysidError, procest, tfest
 from sysid.selection import choose_procest, choose_tfest
+from sysid.selection.continuous_time import liveliest_parts
 
 DT, FINE = 0.05, 10
 
@@ -107,3 +108,44 @@ def test_a_start_that_is_no_model_is_refused(start, message):
     data = simulated([2.0], [0.5, 1.0], 0.2, seed=5, samples=400)
     with pytest.raises(SysidError, match=message):
         procest(data, "P1D", start=start)
+
+
+def test_a_late_step_of_a_long_record_is_found():
+    """The search begins on the part in which the input moves; the first samples show nothing."""
+    rng = np.random.default_rng(6)
+    u = np.where(np.arange(3000) >= 2500, 1.0, 0.0)
+    system = control.c2d(control.tf([2.0], [0.5, 1.0]), DT, "zoh")
+    y = 1.0 + control.forced_response(system, U=u).outputs + 0.02 * rng.standard_normal(3000)
+    choice = choose_tfest(IOData(u, y, DT), offset=True, largest=2)
+    assert choice.candidates[0].orders["poles"] == 1
+    assert choice.estimate.dc_gain().item() == pytest.approx(2.0, rel=0.02)
+    assert -1.0 / choice.estimate.continuous.poles()[0].real == pytest.approx(0.5, rel=0.05)
+
+
+def test_a_pair_of_poles_is_found_behind_real_ones():
+    """A chirp with little noise: real poles with a zero fit well, the true kind must be reached from them."""
+    dt = 0.01
+    time = dt * np.arange(2000)
+    u = np.sin(2.0 * np.pi * (0.1 * time + 0.5 * 6.0 / time[-1] * time**2))
+    natural, damping = 2.0 * np.pi * 2.5, 0.85
+    system = control.c2d(control.tf([natural**2], [1.0, 2.0 * damping * natural, natural**2]), dt, "zoh")
+    y = control.forced_response(system, U=u).outputs + 1e-3 * np.random.default_rng(7).standard_normal(2000)
+    choice = choose_procest(IOData(u, y, dt), offset=True)
+    assert choice.candidates[0].orders["kind"] == "P2U"
+    gain, time_constant, found = choice.estimate.parameters
+    assert (gain, time_constant, found) == pytest.approx((1.0, 1.0 / natural, damping), rel=0.01)
+
+
+def test_each_input_has_the_part_in_which_it_moves_most():
+    u = np.zeros((6000, 2))
+    u[1000:1010, 0], u[5000:5010, 1] = 1.0, 1.0
+    record = IOData(u, np.zeros(6000), DT)
+    parts = liveliest_parts([record], 1000, 30)
+    assert len(parts) == 2
+    for j, part in enumerate(parts):
+        assert len(part) <= 530
+        assert part.u[:, j].sum() == pytest.approx(10.0)
+        # its first samples do not count
+        assert not part.u[:30, j].any()
+    short = [record[:1400]]
+    assert liveliest_parts(short, 1000, 30) is short
