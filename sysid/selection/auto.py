@@ -170,6 +170,7 @@ def auto(
     )
     delays, p = tuple[int, ...](), _feedback_p(without_trend)
     open_delay = ""
+    beside_noise: Candidate | None = None
     fed_back = p < LEVEL
     # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
     seen_at_once = p >= LEVEL and not direct and _feedback_p(without_trend, direct=False) < LEVEL
@@ -200,6 +201,7 @@ def auto(
                 whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
                 search = whole
             if paths_alone:
+                beside_noise = search.ranked()[0]
                 search.keep_input_paths()
         elif methods is not None:
             raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
@@ -213,6 +215,10 @@ def auto(
     simulated = None
     may_judge = not search.validation and not at_once and not search.is_rounding(ranked[0])
     objection = _objection(ranked[0], estimate, experiments, fed_back) if may_judge else Objection.NONE
+    if objection is Objection.DEPENDENT and beside_noise is not None:
+        # a slow disturbance resembles the input in any short record: a model of it tells the two apart
+        whitened, _ = _fitted(experiments, beside_noise, search)
+        objection = _objection(beside_noise, whitened, experiments, fed_back)
     if objection is not Objection.NONE:
         if methods is None:
             search.methods = names

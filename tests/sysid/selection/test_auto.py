@@ -229,3 +229,14 @@ def test_a_slow_sine_beside_the_plant_is_left_to_the_noise_model():
     choice = auto(IOData(u, plant + 0.3 * plant.std() * sine, 0.02).detrend())
     assert choice.candidates[0].method == "bj"
     assert choice.estimate.dc_gain()[0, 0] == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", [50, 56])
+def test_output_error_alone_is_not_preferred_for_following_a_slow_sine(seed):
+    """The sine looks like the input in a short record; the model with noise of the same data tells the two apart."""
+    rng, samples = np.random.default_rng(1000), 300
+    u = np.repeat(np.random.default_rng(seed).choice([-1.0, 1.0], 100), 4)[:samples]
+    plant = scipy.signal.lfilter([0, 0.1], [1, -0.9], u)
+    sine = np.sqrt(2) * np.sin(2 * np.pi * 3.3 * np.arange(samples) / 400 + 1) + 0.2 * rng.standard_normal(samples)
+    choice = auto(IOData(u, plant + 0.3 * plant.std() * sine, 0.02), methods=["oe"])
+    assert choice.candidates[0].orders == {"nb": 1, "nf": 1, "nk": 1}
