@@ -153,115 +153,204 @@ def auto(
     # no record determines more orders than it has samples
     largest = whole_number("largest", largest, 1, max(map(len, experiments)))
     longest = whole_number("longest", longest, 100)
-    names = tuple(ORDERS) if methods is None else methods
-    if not isinstance(names, Iterable):
-        raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {shown(names)}")
-    names = tuple(names)
-    if not names or not all(isinstance(name, str) and name in ORDERS for name in names):
-        raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
+    names = _methods_to_try(methods)
     direct = truth_value("direct", direct)
     trends = _trends(experiments, offset, trend)
     without_trend = _without_trend(experiments, trends[0])
     is_nonlinear = not validation_data and _is_nonlinear(without_trend)
     if is_nonlinear:
         largest = min(largest, NONLINEAR_LARGEST)
+    loop = _loop(without_trend, direct=direct)
+    if methods is not None and experiments[0].ny > 1:
+        raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
     search = StructureSearch(
         stretches(experiments, longest), validation_data, largest, names, trends, refines=not is_nonlinear
     )
-    delays, p = tuple[int, ...](), _feedback_p(without_trend)
-    open_delay = ""
-    beside_noise: Candidate | None = None
-    fed_back = p < LEVEL
-    # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
-    seen_at_once = p >= LEVEL and not direct and _feedback_p(without_trend, direct=False) < LEVEL
-    at_once = seen_at_once and p < 1.0
-    excluded = DIRECT
     with warnings.catch_warnings():
         # candidates that are too large give many warnings; the fit of the chosen one repeats its own
         warnings.simplefilter("ignore", SysidWarning)
         if experiments[0].ny == 1:
-            estimate_of_delays = _estimated_delays(_without_trend(search.experiments, trends[0]), largest)
-            delays = _delays(estimate_of_delays, experiments[0].nu)
-            if fed_back or at_once:
-                delays = tuple(max(delay, 1) for delay in delays)
-            shortest = _shortest(estimate_of_delays, delays)
-            open_delay = _open_delay(estimate_of_delays)
-            if (fed_back or at_once) and methods is None:
-                search.methods = tuple(name for name in names if name != "oe")
-            if fed_back and methods is None:
-                excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
-            paths_alone = set(search.methods) == {"oe"} and not search.validation
-            if paths_alone:
-                search.methods = ("oe", "bj")
-            search.climb_structures(delays, shortest)
-            if sum(map(len, search.experiments)) < sum(map(len, experiments)):
-                whole = StructureSearch(
-                    experiments, validation_data, largest, search.methods, trends, refines=search.refines
-                )
-                whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
-                search = whole
-            if paths_alone:
-                beside_noise = search.ranked()[0]
-                search.keep_input_paths()
-        elif methods is not None:
-            raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
+            climb = _climbed(experiments, search, loop, any_method=methods is None)
         else:
-            search.direct = not (fed_back or at_once)
-            estimate_of_delays = _estimated_delays(search.experiments, largest)
-            delays = _delays(estimate_of_delays, experiments[0].nu)
-            # with one sample left to the dynamics, as a held input has it
-            search.climb_states(tuple(max(delay - 1, 0) for delay in delays))
-    ranked, estimate = _ranked_with_estimate(experiments, search)
+            climb = _climbed_states(search, loop)
+    ranked, estimate = _ranked_with_estimate(experiments, climb.search)
+    objection = _objection_to_best(experiments, climb, loop, ranked[0], estimate)
     simulated = None
-    may_judge = not search.validation and not at_once and not search.is_rounding(ranked[0])
-    objection = _objection(ranked[0], estimate, experiments, fed_back) if may_judge else Objection.NONE
-    if objection is Objection.DEPENDENT and beside_noise is not None:
-        # a slow disturbance resembles the input in any short record: a model of it tells the two apart
-        whitened, _ = _fitted(experiments, beside_noise, search)
-        objection = _objection(beside_noise, whitened, experiments, fed_back)
     if objection is not Objection.NONE:
         if methods is None:
-            search.methods = names
-        simulated = _ranked_by_simulation(experiments, search, ranked[0], delays, objection)
+            climb.search.methods = names
+        simulated = _ranked_by_simulation(experiments, climb.search, ranked[0], climb.delays, objection)
     if simulated is not None:
-        first = ranked[0]
-        ranked = (simulated.candidate, *(candidate for candidate in ranked if candidate is not simulated.candidate))
-        estimate = _with_warnings(*_fitted(experiments, simulated.candidate, search))
-    best = ranked[0]
-    reason = _reason(search, ranked, delays, sum(map(len, experiments)))
-    if simulated is not None:
-        reason = (
-            f"{best}: in simulation of a part that it was not fitted to, its error is {simulated.ratio:.3g} times that "
-            f"of {first}, which has the lowest EBIC of {len(ranked)} candidates on {search.samples} of "
-            f"{sum(map(len, experiments))} samples; delays by delayest: {', '.join(map(str, delays))} samples"
-        )
-    elif fed_back:
-        reason += (
-            f"; by `feedback` (p = {p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
-            f"{excluded}{_interchange_question(without_trend)}"
-        )
-    cautions = []
-    if at_once:
+        best = simulated.candidate
+        reason = _reason_of_simulation(climb, simulated, ranked, sum(map(len, experiments)))
+        ranked = (best, *(candidate for candidate in ranked if candidate is not best))
+        estimate = _with_warnings(*_fitted(experiments, best, climb.search))
+    else:
+        reason = _reason(climb.search, ranked, climb.delays, sum(map(len, experiments)))
+        if loop.is_closed:
+            reason += _reason_of_feedback(without_trend, loop, any_method=methods is None)
+    if loop.is_at_once:
         reason += f"; {SAME_SAMPLE}"
-    elif seen_at_once and p == 1.0:
-        cautions.append(EXACTLY)
-    if not best.eligible:
-        cautions.append(best.remark)
-    if open_delay:
+    if open_delay := _open_delay(climb.estimate_of_delays):
         # gain and bandwidth may be known all the same: no caution, which withholds a verdict
         reason += f"; {open_delay}"
-    if unlike := _unlike_delays(estimate_of_delays, int(np.max(best.orders.get("order", 0)))):
-        cautions.append(unlike)
-    reason = "; ".join((reason, *cautions))
+    cautions = _cautions(climb, loop, ranked[0])
     return StructureChoice(
         estimate=estimate,
         candidates=ranked,
-        delays=delays,
-        samples=search.samples,
-        reason=reason,
-        cautions=tuple(cautions),
-        disagreement=search.disagreement(ranked),
+        delays=climb.delays,
+        samples=climb.search.samples,
+        reason="; ".join((reason, *cautions)),
+        cautions=cautions,
+        disagreement=climb.search.disagreement(ranked),
     )
+
+
+def _methods_to_try(methods: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of the methods that were asked for, all by default; `SysidError` for others."""
+    if methods is None:
+        return tuple(ORDERS)
+    if not isinstance(methods, Iterable):
+        raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {shown(methods)}")
+    names = tuple(methods)
+    if not names or not all(isinstance(name, str) and name in ORDERS for name in names):
+        raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
+    return names
+
+
+@dataclass(frozen=True)
+class Loop:
+    """What the tests of feedback say.
+
+    Attributes:
+        p: Least p-value of the hypothesis that no input depends on past outputs.
+        is_closed: Whether an input depends on them.
+        is_at_once: Whether input and output of the same sample depend on each other, and a direct term would be that
+            of a controller.
+        is_exact: Whether they follow from each other without any error.
+    """
+
+    p: float
+    is_closed: bool
+    is_at_once: bool
+    is_exact: bool
+
+
+def _loop(experiments: Experiments, *, direct: bool) -> Loop:
+    """Tests of feedback, with the sample of the same instant and, unless a direct term is allowed, without it."""
+    p = _feedback_p(experiments)
+    at_once = p >= LEVEL and not direct and _feedback_p(experiments, direct=False) < LEVEL
+    # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
+    return Loop(p, is_closed=p < LEVEL, is_at_once=at_once and p < 1.0, is_exact=at_once and p == 1.0)
+
+
+@dataclass(frozen=True)
+class Climb:
+    """A search that has tried its candidates.
+
+    Attributes:
+        search: All candidates.
+        delays: Delay of each input at which it began.
+        estimate_of_delays: What they come from; None where the data are too few.
+        beside_noise: Best candidate with a model of the noise, where output-error models alone are asked for.
+    """
+
+    search: StructureSearch
+    delays: tuple[int, ...]
+    estimate_of_delays: DelayEstimate | None
+    beside_noise: Candidate | None = None
+
+
+def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, any_method: bool) -> Climb:
+    """Candidates with one output, of long records on a part first.
+
+    Args:
+        experiments: Whole records.
+        search: Search on them or on a part.
+        loop: What the tests of feedback say.
+        any_method: Whether the methods are free.
+    """
+    estimate = _estimated_delays(_without_trend(search.experiments, search.trends[0]), search.largest)
+    delays = _delays(estimate, experiments[0].nu)
+    if loop.is_closed or loop.is_at_once:
+        delays = tuple(max(delay, 1) for delay in delays)
+        if any_method:
+            search.methods = tuple(name for name in search.methods if name != "oe")
+    shortest = _shortest(estimate, delays)
+    paths_alone = set(search.methods) == {"oe"} and not search.validation
+    if paths_alone:
+        search.methods = ("oe", "bj")
+    search.climb_structures(delays, shortest)
+    if sum(map(len, search.experiments)) < sum(map(len, experiments)):
+        whole = StructureSearch(
+            experiments, search.validation, search.largest, search.methods, search.trends, refines=search.refines
+        )
+        whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
+        search = whole
+    beside_noise = None
+    if paths_alone:
+        beside_noise = search.ranked()[0]
+        search.keep_input_paths()
+    return Climb(search, delays, estimate, beside_noise)
+
+
+def _climbed_states(search: StructureSearch, loop: Loop) -> Climb:
+    """State-space models of rising order."""
+    search.direct = not (loop.is_closed or loop.is_at_once)
+    estimate = _estimated_delays(search.experiments, search.largest)
+    delays = _delays(estimate, search.experiments[0].nu)
+    # with one sample left to the dynamics, as a held input has it
+    search.climb_states(tuple(max(delay - 1, 0) for delay in delays))
+    return Climb(search, delays, estimate)
+
+
+def _objection_to_best(
+    experiments: Experiments, climb: Climb, loop: Loop, best: Candidate, estimate: Estimate
+) -> "Objection":
+    """What shows that the best candidate is not right, where simulated errors may choose another."""
+    if climb.search.validation or loop.is_at_once or climb.search.is_rounding(best):
+        return Objection.NONE
+    objection = _objection(best, estimate, experiments, loop.is_closed)
+    if objection is Objection.DEPENDENT and climb.beside_noise is not None:
+        # a slow disturbance resembles the input in any short record: a model of it tells the two apart
+        whitened, _ = _fitted(experiments, climb.beside_noise, climb.search)
+        return _objection(climb.beside_noise, whitened, experiments, loop.is_closed)
+    return objection
+
+
+def _reason_of_simulation(
+    climb: Climb, simulated: SimulationRanking, ranked: tuple[Candidate, ...], samples: int
+) -> str:
+    """Reason in words for a candidate that simulates better than the first one of the ranking."""
+    delays = ", ".join(map(str, climb.delays))
+    return (
+        f"{simulated.candidate}: in simulation of a part that it was not fitted to, its error is "
+        f"{simulated.ratio:.3g} times that of {ranked[0]}, which has the lowest EBIC of {len(ranked)} candidates on "
+        f"{climb.search.samples} of {samples} samples; delays by delayest: {delays} samples"
+    )
+
+
+def _reason_of_feedback(experiments: Experiments, loop: Loop, *, any_method: bool) -> str:
+    """What feedback leaves out of the choice, in words."""
+    excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}" if any_method else DIRECT
+    if experiments[0].ny > 1:
+        excluded = DIRECT
+    return (
+        f"; by `feedback` (p = {loop.p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
+        f"{excluded}{_interchange_question(experiments)}"
+    )
+
+
+def _cautions(climb: Climb, loop: Loop, best: Candidate) -> tuple[str, ...]:
+    """What the data cannot tell about the best candidate, in words."""
+    cautions = []
+    if loop.is_exact:
+        cautions.append(EXACTLY)
+    if not best.eligible:
+        cautions.append(best.remark)
+    if unlike := _unlike_delays(climb.estimate_of_delays, int(np.max(best.orders.get("order", 0)))):
+        cautions.append(unlike)
+    return tuple(cautions)
 
 
 class Objection(Enum):
