@@ -168,6 +168,20 @@ def _nonlinearity_in_words(result: Identification) -> str:
     )
 
 
+def _hidden_nonlinearity(result: Identification) -> str:
+    """Nonlinearity that commands of one amplitude hide, in words; empty if there is none."""
+    test, names = result.nonlinearity, result.fitted.parts[0].output_names or ()
+    if test is None or not any(test.hidden):
+        return ""
+    i = next(i for i, kind in enumerate(test.hidden) if kind)
+    subject = "the record" if len(names) < 2 else names[i]
+    return (
+        f"a servo with {test.hidden[i]} describes {subject} far better than a linear one, and commands of one "
+        "amplitude do not tell it from a linear system of high order; repeat at a larger amplitude, at which it "
+        "matters less"
+    )
+
+
 def verdict(result: Identification) -> str:
     """Whether residual tests and simulation accept the model, and how much of the output it simulates.
 
@@ -190,6 +204,8 @@ def verdict(result: Identification) -> str:
         words = f"not sufficient: {_nonlinearity_in_words(result)}"
     elif result.depends_on_input:
         words = f"not sufficient: {_DEPENDENT}"
+    elif hidden := _hidden_nonlinearity(result):
+        words = f"undecided: {hidden}"
     elif result.cautions:
         words = f"undecided: {'; '.join(result.cautions)}"
     elif left_open := _undetermined(result):
@@ -450,7 +466,8 @@ def _nonlinearity_rows(result: Identification) -> list[tuple[str, str]]:
             likeness = f"like {kind}, " if kind else ""
             outcomes.append(f"yes ({likeness}{100.0 * distortion:.2g} % of the output, p = {p:.2g})")
         else:
-            outcomes.append(f"no (p = {p:.2g}, at most {100.0 * distortion:.2g} % of the output)")
+            hidden = f", but like {test.hidden[i]}" if test.hidden[i] else ""
+            outcomes.append(f"no (p = {p:.2g}, at most {100.0 * distortion:.2g} % of the output){hidden}")
     return [("residuals nonlinear in the input", ", ".join(outcomes))]
 
 

@@ -19,6 +19,7 @@ LONGEST = 1500  # samples that are simulated: each model some hundred times
 FEWEST = 100  # samples that tell a kind
 BETTER = 0.75  # error of the kind named, relative to that of the linear servo, at most
 DISTINCT = 0.85  # the same relative to that of any other kind
+EXPLAINED = 0.3  # the same relative to the output, up to which the record is that of such a joint
 EVALUATIONS = 12  # of each search, whose derivatives take one simulation per parameter more
 DAMPING = 0.7  # at the start
 SIZES = {FRICTION: (0.03, 0.1, 0.3), PLAY: (0.03, 0.1, 0.3), SATURATION: (0.3, 1.0)}
@@ -65,11 +66,12 @@ def told_kind(u: FloatArray, y: FloatArray, dt: float, delay: int, bandwidth: fl
         linear_cost = min(linear_cost, cost)
         for kind in costs:
             costs[kind] = min(costs[kind], _least_cost(kind, linear, record))
+    # costs are half of sums of squares
     best = min(costs, key=lambda kind: costs[kind])
+    is_joint = costs[best] < EXPLAINED**2 * 0.5 * float(y @ y)
     others = min(value for kind, value in costs.items() if kind != best)
-    # costs are squares of errors
     is_told = costs[best] < BETTER**2 * linear_cost and costs[best] < DISTINCT**2 * others
-    return best if is_told else ""
+    return best if is_joint and is_told else ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,11 +126,12 @@ def _steps(parameters: FloatArray, dt: float) -> tuple[list[float], float, float
 def _servo(parameters: FloatArray, record: _Record) -> FloatArray:
     """Angle of the linear servo: logarithms of natural frequency and damping, gain."""
     (a, b, c, d), of_angle, of_velocity = _steps(parameters, record.dt)
-    angle, velocity, angles = float(record.y[0]), 0.0, []
-    for value in (parameters[2] * record.command).tolist():
-        angles.append(angle)
-        angle, velocity = a * angle + b * velocity + of_angle * value, c * angle + d * velocity + of_velocity * value
-    return np.array(angles)
+    numerator = [0.0, of_angle, b * of_velocity - d * of_angle]
+    denominator = [1.0, -(a + d), a * d - b * c]
+    # at rest at the first angle
+    first = float(record.y[0])
+    angles, _ = scipy.signal.lfilter(numerator, denominator, parameters[2] * record.command, zi=[first, -d * first])
+    return np.asarray(angles)
 
 
 def _servo_with_friction(parameters: FloatArray, record: _Record) -> FloatArray:

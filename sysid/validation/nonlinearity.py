@@ -50,6 +50,8 @@ class NonlinearityTest(Locked):
             a static nonlinearity makes commands between two others, as a gain does: `distortion` then says little about
             how far gain and bandwidth depend on the amplitude.
         level: Confidence level.
+        hidden: "dry friction" or "play" where commands of one amplitude show no material nonlinearity in the residuals,
+            and yet a servo with that explains the record far better than a linear one; else empty (ny,).
     """
 
     p_values: FloatArray
@@ -57,6 +59,7 @@ class NonlinearityTest(Locked):
     kinds: tuple[str, ...]
     varies: tuple[bool, ...]
     level: float
+    hidden: tuple[str, ...]
 
     @property
     def material(self) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
@@ -90,7 +93,8 @@ def nonlinearity(
     if not model.is_stable():
         return None
     records = _tested_parts(data)
-    p_values, distortion, kinds = np.full(first.ny, np.nan), np.zeros(first.ny), [""] * first.ny
+    p_values, distortion = np.full(first.ny, np.nan), np.zeros(first.ny)
+    kinds, hidden = [""] * first.ny, [""] * first.ny
     varies = [True] * first.ny
     for i in range(first.ny):
         try:
@@ -104,9 +108,16 @@ def nonlinearity(
             continue
         p_values[i], distortion[i], explained = outcome
         varies[i] = any(_varies(of_record.record.u[:, of_record.main]) for of_record in terms)
-        if named and p_values[i] < 1.0 - level and distortion[i] >= MATERIAL:
+        if not named:
+            continue
+        is_significant = p_values[i] < 1.0 - level
+        if is_significant and distortion[i] >= MATERIAL:
             kinds[i] = _kind(model, terms[0], explained)
-    return NonlinearityTest(p_values, distortion, tuple(kinds), tuple(varies), level)
+        elif not varies[i] and not (is_significant and distortion[i] >= TRACE):
+            kind = _kind_of_joint(model, terms[0])
+            # beside saturation the linear model of a record is that of its servo
+            hidden[i] = kind if kind in (FRICTION, PLAY) else ""
+    return NonlinearityTest(p_values, distortion, tuple(kinds), tuple(varies), level, tuple(hidden))
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,16 +286,21 @@ def _without(explaining: FloatArray, signals: FloatArray) -> FloatArray:
 
 def _kind(model: StateSpace, terms: _Terms, explained: dict[str, float]) -> str:
     """Kind of nonlinearity, by small models of joints that differ in it; else hysteresis if it explains the most."""
-    record = terms.record
-    path = model.input_path().channel(terms.main, terms.output)
-    response = np.abs(path.markov(LAGS)[:, 0, 0])
-    # the dead time ends where the response to a pulse is no longer a small part of its largest value
-    delay = max(int(np.argmax(response >= RESPONDS * response.max())) - 1, 0)
-    bandwidth = float(path.bandwidth()[0, 0])
-    kind = told_kind(record.u[:, terms.main], terms.target, record.dt, delay, bandwidth)
+    kind = _kind_of_joint(model, terms)
     if kind:
         return kind
     hysteresis = max(explained[PLAY], explained[FRICTION])
     if hysteresis > DOMINANT * max(explained[SATURATION], explained[ASYMMETRY]):
         return f"{FRICTION} or {PLAY}"
     return ""
+
+
+def _kind_of_joint(model: StateSpace, terms: _Terms) -> str:
+    """Kind of nonlinearity by small models of joints that differ in it; empty where they do not tell one."""
+    record = terms.record
+    path = model.input_path().channel(terms.main, terms.output)
+    response = np.abs(path.markov(LAGS)[:, 0, 0])
+    # the dead time ends where the response to a pulse is no longer a small part of its largest value
+    delay = max(int(np.argmax(response >= RESPONDS * response.max())) - 1, 0)
+    bandwidth = float(path.bandwidth()[0, 0])
+    return told_kind(record.u[:, terms.main], terms.target, record.dt, delay, bandwidth)

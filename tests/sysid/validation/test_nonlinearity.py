@@ -36,6 +36,28 @@ def test_a_linear_servo_is_not_called_nonlinear():
         assert not nonlinearity(oe(record, 2, 2, 1), [record]).material.any()
 
 
+def test_friction_that_commands_of_one_amplitude_hide_is_told_by_a_servo_with_it():
+    """Commands between two levels: a linear model of order 8 leaves nothing that looks nonlinear."""
+    _, record = joint(np.random.default_rng([61, 33]), "friction")
+    assert len(np.unique(record.u)) == 2
+    record = record.detrend()
+    test = nonlinearity(oe(record, 8, 8, 1), [record])
+    assert not any(test.varies) and not test.material.any()
+    assert test.hidden == ("dry friction",)
+
+
+def test_linear_systems_under_commands_of_one_amplitude_hide_no_friction():
+    """Of order six to eight, which no servo of second order describes."""
+    for seed in range(4):
+        rng = np.random.default_rng([5, seed])
+        pairs = rng.uniform(0.8, 0.97, 3) * np.exp(1j * rng.uniform(0.05, 1.5, 3))
+        denominator = np.poly([*pairs, *pairs.conj()]).real
+        u = np.repeat(rng.choice([-1.0, 1.0], 300), 5)
+        y = lfilter([0.0, *rng.standard_normal(6)], denominator, u)
+        record = IOData(u, y + 0.01 * y.std() * rng.standard_normal(1500), 0.02).detrend()
+        assert nonlinearity(oe(record, 6, 6, 1), [record]).hidden == ("",)
+
+
 def linear_record(rng, noise):
     u = np.repeat(rng.choice([-1.0, 1.0], 160), 5)
     return IOData(u, lfilter([0, 0.1, 0.05], [1, -1.5, 0.65], u) + noise, 0.02).detrend()
