@@ -93,10 +93,11 @@ def delayest(
     nu = experiments[0].nu
     largest, na = whole_number("largest", largest, 0), whole_number("na", na, 0)
     nb = whole_number("nb", nb, 1)
-    whitening = whole_number("whitening", whitening, 0, max(map(len, experiments)))
     level = confidence_level(level)
     warn_each(check_excitation(experiments, [0] * nu))
+    # first: of few samples it says what is missing, where the limit of the whitening would name another option
     p_values, exact = _p_values_by_arx(experiments, na, nb, largest)
+    whitening = whole_number("whitening", whitening, 0, max(map(len, experiments)))
     rejected = p_values < 1.0 - level
     feedback_messages = _feedback_messages(experiments, largest + nb, level)
     for message in feedback_messages:
@@ -175,8 +176,9 @@ def _p_values_by_arx(
     width = na + sum(lags)
     if rows <= width or min(counts) <= 0:
         raise SysidError(
-            f"too little data: {width} lags in the ARX model (na = {na}, largest = {largest}, nb = {nb}) "
-            f"and {rows} usable samples in {len(experiments)} experiment(s)"
+            f"too little data: {max(rows, 0)} equations in {len(experiments)} experiment(s) for {width} lags of the "
+            f"ARX model, which has delays up to largest = {largest} with na = {na} and nb = {nb}; expected longer "
+            "experiments, or a smaller largest, na or nb"
         )
     p_values = np.empty((largest + 1, ny, nu))
     exact = np.zeros(ny, dtype=bool)

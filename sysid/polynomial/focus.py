@@ -6,13 +6,14 @@ the input is most accurate where L passes. The noise model is that of the filter
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy
 
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.trends import LINE, OFFSET
-from sysid.records.arguments import number_pair, shown
+from sysid.records.arguments import rectangular, shown
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -138,7 +139,7 @@ def _settling_samples(poles: ComplexArray) -> float:
 EXPECTED = "focus must be 'prediction', 'simulation' or two frequencies (low, high) in Hz"
 
 
-def checked_focus(focus: object) -> tuple[Band | None, bool]:
+def checked_focus(focus: Any) -> tuple[Band | None, bool]:
     """The band, None for all frequencies, and whether the simulation counts instead of the prediction.
 
     Raises:
@@ -147,9 +148,13 @@ def checked_focus(focus: object) -> tuple[Band | None, bool]:
     if isinstance(focus, str) and focus in ("prediction", "simulation"):
         return None, focus == "simulation"
     try:
-        low, high = number_pair("focus", focus, "two frequencies")
+        edges = rectangular("focus", focus)
     except SysidError as error:
         raise SysidError(f"{EXPECTED}, got {shown(focus)}") from error
+    if edges.shape != (2,) or edges.dtype.kind not in "iuf":
+        raise SysidError(f"{EXPECTED}, got {shown(focus)}")
+    # an infinite upper edge is none; NaN fails the comparison below
+    low, high = float(edges[0]), float(edges[1])
     if not 0.0 <= low < high:
         raise SysidError(f"{EXPECTED}, 0 <= low < high, got {shown(focus)}")
     return Band(low, high), False

@@ -617,11 +617,20 @@ class _CandidateSearch:
             candidates=candidates,
             delays=(),
             samples=samples,
-            cautions=(candidates[0].remark,) if not candidates[0].eligible else (),
+            cautions=self._cautions(candidates),
             reason=f"{candidates[0]}: {criterion} of {len(ranked)} candidates, compared on {samples} of {total} "
             "samples",
             disagreement=self._disagreement(ranked),
         )
+
+    def _cautions(self, candidates: Sequence[Candidate]) -> tuple[str, ...]:
+        """What the choice could not tell."""
+        cautions = []
+        if not candidates[0].eligible:
+            cautions.append(candidates[0].remark)
+        if len(candidates) == 1 and self.refusal is not None:
+            cautions.append(f"no other candidate could be fitted, so that nothing was chosen: {self.refusal}")
+        return tuple(cautions)
 
     def _disagreement(self, ranked: Sequence[_Fit]) -> tuple[float, float]:
         """Largest ratios of gain and bandwidth between the best candidate and those that are hardly worse."""

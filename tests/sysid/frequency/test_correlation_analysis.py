@@ -129,7 +129,8 @@ def test_without_noise_and_with_several_channels():
 
 def test_refusals_of_delayest():
     data = delayed(1, 0, samples=60)
-    refused("too little data: 40 lags", lambda: delayest(data[:45]))
+    refused("too little data: 16 equations in 1 experiment.* for 40 lags", lambda: delayest(data[:45]))
+    refused("expected longer experiments, or a smaller largest, na or nb", lambda: delayest(data[:5]))
     refused("largest must be", lambda: delayest(data, largest=-1))
     refused("level", lambda: delayest(data, level=1.0))
 

@@ -160,3 +160,12 @@ def test_options_that_do_not_go_together_are_refused(rng):
         sysid.arx(data, 2, 2, focus="simulation", regularisation="tc")
     with pytest.raises(SysidError, match="regularisation"):
         sysid.arx(data, 2, 2, focus=(0.5, 3.0), regularisation="tc")
+
+
+def test_an_infinite_upper_edge_is_none(rng):
+    data = record(rng)
+    to_infinity = sysid.oe(data, 2, 2, focus=(0.1, np.inf))
+    to_nyquist = sysid.oe(data, 2, 2, focus=(0.1, 0.5 / DT))
+    np.testing.assert_array_equal(to_infinity.parameters, to_nyquist.parameters)
+    with pytest.raises(SysidError, match="two frequencies"):
+        sysid.oe(data, 2, 2, focus=(0.1, np.nan))

@@ -149,3 +149,10 @@ def test_each_input_has_the_part_in_which_it_moves_most():
         assert not part.u[:30, j].any()
     short = [record[:1400]]
     assert liveliest_parts(short, 1000, 30) is short
+
+
+def test_a_record_too_short_for_any_other_kind_is_no_choice():
+    choice = choose_procest(IOData([0.0, 1.0, 0.0], [0.0, 0.0, 1.0], DT))
+    (caution,) = choice.cautions
+    assert caution.startswith("no other candidate could be fitted")
+    assert "too many orders for 3 samples" in caution
