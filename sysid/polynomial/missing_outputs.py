@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sysid.records.arrays import FloatArray
+from sysid.records.errors import SysidError
 
 BLOCK = 32  # least block size of the recursion for the band of the inverse: larger blocks, fewer Python steps
 
@@ -60,7 +61,14 @@ class MissingOutputs:
         first = len(times) - len(ends)
         for d in range(min(band + 1, len(ends))):
             gram[d, first : len(times) - d] -= np.diag(products, -d)
-        return replace(bare, factor=scipy.linalg.cholesky_banded(gram, lower=True, check_finite=False))
+        try:
+            factor = scipy.linalg.cholesky_banded(gram, lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            raise SysidError(
+                f"the {len(times)} missing outputs do not follow from the others: this model hardly forgets, and "
+                "rounding decides; estimate from complete parts of the record, complete_parts(), or a smaller model"
+            ) from None
+        return replace(bare, factor=factor)
 
     @property
     def count(self) -> int:

@@ -260,6 +260,9 @@ def coloured_information(columns: Sequence[FloatArray], order: int, directions: 
     errors = np.concatenate([table[:, -1] for table in columns])
     whitener, correlations = autoregression(errors, order, select=True)
     total = np.zeros((directions.shape[1],) * 2)
+    if not total.size:
+        # no direction of the parameters is determined
+        return total
     for table in columns:
         filtered = scipy.signal.lfilter([1.0], whitener, table[:, :-1] @ directions, axis=0)
         total += filtered.T @ filtered

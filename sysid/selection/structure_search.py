@@ -664,7 +664,12 @@ def _excess(at: Linearisation, orders: Orders) -> float:
         n = len(denominator) - 1
         slope = denominator[:n] * np.arange(n, 0, -1)
         for root in roots[np.abs(roots) > 1.0]:
-            movement = -(root ** np.arange(n - 1, -1, -1)) / np.polyval(slope, root)
+            steepness = np.polyval(slope, root)
+            if steepness == 0.0:
+                # a multiple root moves without bound to first order
+                worst = max(worst, 0.0)
+                continue
+            movement = -(root ** np.arange(n - 1, -1, -1)) / steepness
             of_modulus = (np.conj(root) * movement).real / abs(root)
             deviation = float(np.linalg.norm(of_modulus @ half[positions]))
             worst = max(worst, float(abs(root) - 1.0) / max(deviation, np.finfo(float).tiny))

@@ -245,7 +245,7 @@ def _tested(model: StateSpace, terms: Sequence[_Terms], i: int) -> tuple[float, 
     is_new = sizes > DEPENDENT**2 * np.sum(np.vstack(tested) ** 2, axis=0)
     explained = np.where(is_new, (columns.T @ t) ** 2 / np.where(is_new, sizes, 1.0), 0.0) / total
     best = float(explained.max())
-    p = scipy.stats.f.sf(best / max(1.0 - best, np.finfo(float).tiny) * freedom, 1, freedom)
+    p = scipy.stats.f.sf(best / max(1.0 - best, np.finfo(float).eps) * freedom, 1, freedom)
     coefficients = np.linalg.lstsq(columns, t, rcond=DEPENDENT)[0]
     nonlinear = _without(np.vstack(raw_linear), (np.vstack(raw) @ coefficients)[:, None])
     size = np.concatenate([of_record.record.y[:, i] for of_record in terms]).std()

@@ -34,13 +34,17 @@ def test_small_random_records():
         (1378, "cross_validate"),
         (1446, "okid"),
         (1603, "ivx"),
+        (1679, "auto"),
         (1763, "delayest"),
         (1763, "impulseest"),
         (1820, "delayest"),
         (1891, "delayest"),
         (1916, "pbsid"),
+        (1962, "auto"),
         (2204, "procest"),
         (2204, "tfest"),
+        (2441, "pbsid"),
+        (2956, "arma"),
     ],
 )
 def test_records_that_once_ended_in_other_errors(seed, name):
