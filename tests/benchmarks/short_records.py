@@ -1,0 +1,109 @@
+"""Coverage of 95 % intervals from few samples, and what the warnings of the estimate catch.
+
+Each record has a system of its own class: one with separate roots of C and D, one where they nearly cancel, and random
+ones. Per structure and length the table has the share of coefficients whose interval holds the truth, of the input path
+(A, B, F) and of the noise model (C, D), the share of records with a warning of short intervals, and the coverage in
+those without.
+
+    python tests/benchmarks/short_records.py [--records 200] [--lengths 80 200 800] [--seed 0]
+"""
+
+import argparse
+import warnings
+
+import numpy as np
+from scipy.signal import lfilter
+
+import sysid
+from sysid import IOData
+from tests.benchmarks.tables import heading, row
+
+A, B = np.array([1.0, -1.5, 0.7]), np.array([0.0, 1.0, 0.5])
+NOISE = {
+    "separate": (np.array([1.0, 0.5, 0.1]), np.array([1.0, -1.2, 0.6])),
+    "nearly cancelling": (np.array([1.0, -0.7, 0.25]), np.array([1.0, -0.8, 0.3])),
+}
+"""C and D."""
+
+RATIO = 0.3
+"""Standard deviation of the noise over that of the output without it."""
+
+SHORT = ("few", "memory", "cancel", "edge of stability")
+"""Words of the warnings of short intervals."""
+
+
+def random_roots(rng, largest):
+    """Monic polynomial of degree two, a pair of roots or two real ones inside a radius."""
+    if rng.random() < 0.5:
+        radius, angle = largest * np.sqrt(rng.random()), rng.uniform(0.0, np.pi)
+        return np.array([1.0, -2.0 * radius * np.cos(angle), radius**2])
+    return np.poly(rng.uniform(-largest, largest, 2))
+
+
+def estimated(structure, kind, samples, rng):
+    """Estimate of one record, and the true coefficients, those of the noise model last."""
+    f, (c, d) = A, NOISE.get(kind, (None, None))
+    if kind == "random":
+        f, c, d = random_roots(rng, 0.95), random_roots(rng, 0.9), random_roots(rng, 0.9)
+    if structure == "armax":
+        d = f
+    u, e = rng.standard_normal((2, samples + 300))
+    noise_free = lfilter(B, f, u)
+    noise = e if structure == "oe" else lfilter(c, d, e)
+    y = (noise_free + RATIO * noise_free.std() / noise.std() * noise)[300:]
+    record = IOData(u[300:], y, 1.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        if structure == "oe":
+            return sysid.oe(record, 2, 2), np.concatenate((B[1:], f[1:])), 0
+        if structure == "armax":
+            return sysid.armax(record, 2, 2, 2), np.concatenate((f[1:], B[1:], c[1:])), 2
+        # parameters of Box-Jenkins models are those of B, C, D and F
+        order = np.concatenate((B[1:], c[1:], d[1:], f[1:]))
+        return sysid.bj(record, 2, 2, 2, 2), order, 4
+
+
+def places_of_noise(structure):
+    """Places of the coefficients of the noise model."""
+    return {"oe": [], "armax": [4, 5], "bj": [2, 3, 4, 5]}[structure]
+
+
+def measure(structure, kind, samples, records, seed):
+    """Coverages of path and noise model, share with a warning, and coverages without one."""
+    held, warned = [], []
+    for k in range(records):
+        rng = np.random.default_rng((seed, samples, k))
+        estimate, truth, _ = estimated(structure, kind, samples, rng)
+        deviation = np.sqrt(np.diag(estimate.covariance))
+        held.append(np.abs(estimate.parameters - truth) <= 1.96 * deviation)
+        messages = estimate.diagnostics["warnings"]
+        warned.append(any(word in message for message in messages for word in SHORT))
+    held, warned = np.array(held), np.array(warned)
+    noise = np.isin(np.arange(held.shape[1]), places_of_noise(structure))
+    groups = [held[:, ~noise], held[:, noise], held[~warned][:, ~noise], held[~warned][:, noise]]
+    coverages = [float(group.mean()) if group.size else np.nan for group in groups]
+    return *coverages[:2], float(warned.mean()), *coverages[2:]
+
+
+def main():
+    """Measure and print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--records", type=int, default=200)
+    parser.add_argument("--lengths", type=int, nargs="+", default=[80, 200, 800])
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--structures", nargs="+", default=["oe", "armax", "bj"])
+    asked = parser.parse_args()
+    columns = ("path", "noise model", "warned", "path, not warned", "noise model, not warned")
+    heading("structure", "noise", "samples", *columns)
+    for structure in asked.structures:
+        for kind in (*NOISE, "random"):
+            if structure == "oe" and kind != "random":
+                continue
+            for samples in asked.lengths:
+                figures = measure(structure, kind, samples, asked.records, asked.seed)
+                cells = ["–" if np.isnan(figure) else f"{figure:.3f}" for figure in figures]
+                row(structure, kind, str(samples), *cells)
+
+
+if __name__ == "__main__":
+    main()
