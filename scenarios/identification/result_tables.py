@@ -466,7 +466,7 @@ def _nonlinearity_rows(result: Identification) -> list[tuple[str, str]]:
             likeness = f"like {kind}, " if kind else ""
             outcomes.append(f"yes ({likeness}{100.0 * distortion:.2g} % of the output, p = {p:.2g})")
         else:
-            hidden = f", but like {test.hidden[i]}" if test.hidden[i] else ""
+            hidden = f"; yet a servo with {test.hidden[i]} fits far better than a linear one" if test.hidden[i] else ""
             outcomes.append(f"no (p = {p:.2g}, at most {100.0 * distortion:.2g} % of the output){hidden}")
     return [("residuals nonlinear in the input", ", ".join(outcomes))]
 

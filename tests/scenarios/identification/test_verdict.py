@@ -38,6 +38,15 @@ def test_a_nonlinear_joint_is_not_sufficiently_described(kind, words, advice):
     assert result.record()["nonlinearity"]["kind"] == [words]
 
 
+def test_friction_that_commands_between_two_levels_hide_withholds_the_verdict():
+    _, record = joint(np.random.default_rng([61, 33]), "friction")
+    result = identified(record)
+    assert not result.nonlinear
+    assert verdict(result).startswith("undecided: a servo with dry friction describes the record far better")
+    assert "a servo with dry friction" in dict(model_rows(result))["residuals nonlinear in the input"]
+    assert result.record()["nonlinearity"]["hidden"] == ["dry friction"]
+
+
 def test_a_linear_joint_is_sufficiently_described():
     _, record = joint(np.random.default_rng([101, 1]), "linear")
     result = identified(record)
