@@ -283,6 +283,8 @@ def test_notebooks_run_and_their_statements_hold(path, cache, tmp_path, monkeypa
     assert not [sentence for sentence, holds in held.items() if not holds]
     shown = [output for cell in notebook.cells if cell.cell_type == "code" for output in cell.outputs]
     errors = [output.text for output in shown if output.output_type == "stream" and output.name == "stderr"]
-    lines = [line for text in errors for line in text.splitlines()]
+    # of which the notebook of an own record speaks, with the line of code that gives it
+    expected = ("SysidWarning: the delay is between", "delays = sysid.delayest(parts)")
+    lines = [line for text in errors for line in text.splitlines() if not any(words in line for words in expected)]
     assert not [line for line in lines if not line.startswith("hmtb-siso-v1: ")]  # progress of its build
     assert any("image/png" in output.get("data", {}) for output in shown)
