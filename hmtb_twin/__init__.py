@@ -1,7 +1,8 @@
 """The laboratory: arm, hydraulics, servos, hand controller and recorder, and the truth about them."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from hmtb_twin.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from hmtb_twin.arm.arm import Arm, load_arm
@@ -54,27 +55,5 @@ __all__ = [
     "simulate",
 ]
 
-_NAMES = {
-    "arm.arm": ("Arm", "load_arm"),
-    "arm.rendering": ("render",),
-    "bus.joint_log": ("JointLog",),
-    "control.experiment": ("IDEAL", "Chain", "Experiment", "Motion", "Operator", "PayloadChange", "Status", "View"),
-    "control.modes": ("MODES",),
-    "files.errors": ("OverloadError", "TwinError", "TwinWarning"),
-    "parameters.payloads": ("PAYLOADS",),
-    "parameters.plant": ("NOMINAL_PLANT", "Plant"),
-    "parameters.specimen": ("NOMINAL_SPECIMEN", "Specimen"),
-    "parameters.values": ("JOINTS", "POSES", "SAMPLE_RATE", "SAMPLE_TIME", "STUDIED_JOINTS", "HandController"),
-    "parameters.variants": ("VARIANTS",),
-    "run.simulation": ("simulate",),
-    "truth.linearization": ("linearize",),
-    "truth.truth": ("JointTruth", "Truth"),
-}
-_MODULES = {name: module for module, names in _NAMES.items() for name in names}
-
-
-def __getattr__(name: str) -> object:
-    # MuJoCo and Pinocchio take a second to load; whoever needs only a sampling time or an error does not wait for them.
-    if name not in _MODULES:
-        raise AttributeError(f"module 'hmtb_twin' has no attribute {name!r}")
-    return getattr(import_module(f"hmtb_twin.{_MODULES[name]}"), name)
+# MuJoCo and Pinocchio take a second to load; whoever needs only a sampling time or an error does not wait for them
+__getattr__ = lazy_names(__name__, __file__)

@@ -123,8 +123,13 @@ class Identification:
         outputs = range(len(test.kinds))
         kinds = [test.kinds[i] if i in self.nonlinear else "" for i in outputs]
         seen = [i in self.nonlinear for i in outputs]
-        record: dict[str, object] = {"seen": seen, "p": test.p_values, "distortion": test.distortion, "kind": kinds}
-        return {**record, "hidden": list(test.hidden)}
+        return {
+            "seen": seen,
+            "p": test.p_values,
+            "distortion": test.distortion,
+            "kind": kinds,
+            "hidden": list(test.hidden),
+        }
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb identify --json` prints of it; of a single path numbers, else rows of outputs."""

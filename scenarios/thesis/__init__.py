@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from scenarios.files.lazy_names import lazy_names
+from hmtb_twin.files.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from scenarios.thesis.comparison import Comparison

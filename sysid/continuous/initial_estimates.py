@@ -46,7 +46,7 @@ THOROUGH = Effort(iterated=1_000, refinements=REFINEMENTS)
 """For one structure: SRIVC from every filter."""
 
 QUICK = Effort(iterated=4, refinements=2)
-"""For one of many structures, whose search goes on from there anyway."""
+"""For one of many candidate structures: a search improves these estimates further."""
 
 PathEstimate = tuple[TransferFunction, float]
 """A transfer function and its sum of squared errors."""

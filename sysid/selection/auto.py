@@ -246,7 +246,7 @@ def _loop(experiments: Experiments, *, direct: bool) -> Loop:
 
 @dataclass(frozen=True)
 class Climb:
-    """A search that has tried its candidates.
+    """Candidates of a finished search, and the delays at which it began.
 
     Attributes:
         search: All candidates.
@@ -332,9 +332,9 @@ def _reason_of_simulation(
 
 def _reason_of_feedback(experiments: Experiments, loop: Loop, *, any_method: bool) -> str:
     """What feedback leaves out of the choice, in words."""
-    excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}" if any_method else DIRECT
-    if experiments[0].ny > 1:
-        excluded = DIRECT
+    excluded = DIRECT
+    if any_method and experiments[0].ny == 1:
+        excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
     return (
         f"; by `feedback` (p = {loop.p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
         f"{excluded}{_interchange_question(experiments)}"

@@ -44,7 +44,7 @@ SCREENED = 1_500
 """Samples of longer records on which each search begins; all compared samples end it."""
 
 UNFINISHED = 0.05
-"""Decrease of -2 log likelihood that is left where the search of a candidate ends: criteria tell no less apart."""
+"""Decrease of -2 log likelihood below which the search of a candidate ends: it is too small to change the choice."""
 
 ROUNDING = 1e-9
 """Errors, relative to the deviation of the output, that count as none."""

@@ -23,12 +23,12 @@ NOISE = {
     "separate": (np.array([1.0, 0.5, 0.1]), np.array([1.0, -1.2, 0.6])),
     "nearly cancelling": (np.array([1.0, -0.7, 0.25]), np.array([1.0, -0.8, 0.3])),
 }
-"""C and D."""
+"""Polynomials C and D of each kind of noise; those of random ones are drawn for each record."""
 
 RATIO = 0.3
 """Standard deviation of the noise over that of the output without it."""
 
-SHORT = ("few", "memory", "cancel", "edge of stability")
+SHORT = ("few", "memory", "edge of stability")
 """Words of the warnings of short intervals."""
 
 
@@ -41,7 +41,7 @@ def random_roots(rng, largest):
 
 
 def estimated(structure, kind, samples, rng):
-    """Estimate of one record, and the true coefficients, those of the noise model last."""
+    """Estimate of one record, and the true coefficients in the sequence of its parameters."""
     f, (c, d) = A, NOISE.get(kind, (None, None))
     if kind == "random":
         f, c, d = random_roots(rng, 0.95), random_roots(rng, 0.9), random_roots(rng, 0.9)
@@ -55,12 +55,12 @@ def estimated(structure, kind, samples, rng):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if structure == "oe":
-            return sysid.oe(record, 2, 2), np.concatenate((B[1:], f[1:])), 0
+            return sysid.oe(record, 2, 2), np.concatenate((B[1:], f[1:]))
         if structure == "armax":
-            return sysid.armax(record, 2, 2, 2), np.concatenate((f[1:], B[1:], c[1:])), 2
+            return sysid.armax(record, 2, 2, 2), np.concatenate((f[1:], B[1:], c[1:]))
         # parameters of Box-Jenkins models are those of B, C, D and F
-        order = np.concatenate((B[1:], c[1:], d[1:], f[1:]))
-        return sysid.bj(record, 2, 2, 2, 2), order, 4
+        truth = np.concatenate((B[1:], c[1:], d[1:], f[1:]))
+        return sysid.bj(record, 2, 2, 2, 2), truth
 
 
 def places_of_noise(structure):
@@ -73,7 +73,7 @@ def measure(structure, kind, samples, records, seed):
     held, warned = [], []
     for k in range(records):
         rng = np.random.default_rng((seed, samples, k))
-        estimate, truth, _ = estimated(structure, kind, samples, rng)
+        estimate, truth = estimated(structure, kind, samples, rng)
         deviation = np.sqrt(np.diag(estimate.covariance))
         held.append(np.abs(estimate.parameters - truth) <= 1.96 * deviation)
         messages = estimate.diagnostics["warnings"]
