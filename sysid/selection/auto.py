@@ -14,7 +14,7 @@ from sysid.frequency.delayest import AMBIGUOUS, DelayEstimate, IntArray, delayes
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
-from sysid.polynomial.trends import LINE, OFFSET, best_degree, level, subtract_lines
+from sysid.polynomial.trends import LINE, OFFSET, best_degree, level
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
@@ -44,6 +44,9 @@ TRIED = 5  # best candidates of which one may turn out unstable
 HIGH_ORDER = 20  # of the autoregressive model that shows a nonlinearity before the search
 NONLINEAR_LARGEST = 5  # order that is tried beside a nonlinearity, which buys any order
 FEW = 5  # samples per parameter below which chance decides between candidates
+
+Fitted = tuple[Estimate, list[warnings.WarningMessage]]
+"""A model, and the warnings of its fit, which the reader gets of the chosen one alone."""
 
 DIRECT = "a direct term, which would be that of the controller"
 
@@ -173,18 +176,17 @@ def auto(
             climb = _climbed(experiments, search, loop, any_method=methods is None)
         else:
             climb = _climbed_states(search, loop)
-    ranked, estimate = _ranked_with_estimate(experiments, climb.search)
-    objection = _objection_to_best(experiments, climb, loop, ranked[0], estimate)
+    ranked, fit = _stable_first(experiments, climb.search)
+    objection = _objection_to_best(experiments, climb, loop, ranked[0])
     simulated = None
     if objection is not Objection.NONE:
         if methods is None:
             climb.search.methods = names
         simulated = _ranked_by_simulation(experiments, climb.search, ranked[0], climb.delays, objection)
     if simulated is not None:
-        best = simulated.candidate
-        reason = _reason_of_simulation(climb, simulated, ranked, sum(map(len, experiments)))
-        ranked = (best, *(candidate for candidate in ranked if candidate is not best))
-        estimate = _with_warnings(*_fitted(experiments, best, climb.search))
+        ranking, fit = simulated
+        reason = _reason_of_simulation(climb, ranking, ranked, sum(map(len, experiments)))
+        ranked = _with_first(ranking.candidate, ranked)
     else:
         reason = _reason(climb.search, ranked, climb.delays, sum(map(len, experiments)))
         if loop.is_closed:
@@ -195,6 +197,9 @@ def auto(
         # gain and bandwidth may be known all the same: no caution, which withholds a verdict
         reason += f"; {open_delay}"
     cautions = _cautions(climb, loop, ranked[0])
+    estimate, caught = fit or _fitted(experiments, ranked[0], climb.search)
+    for warning in caught:
+        warnings.warn(warning.message, stacklevel=2)
     return StructureChoice(
         estimate=estimate,
         candidates=ranked,
@@ -304,17 +309,14 @@ def _climbed_states(search: StructureSearch, loop: Loop) -> Climb:
     return Climb(search, delays, estimate)
 
 
-def _objection_to_best(
-    experiments: Experiments, climb: Climb, loop: Loop, best: Candidate, estimate: Estimate
-) -> "Objection":
+def _objection_to_best(experiments: Experiments, climb: Climb, loop: Loop, best: Candidate) -> "Objection":
     """What shows that the best candidate is not right, where simulated errors may choose another."""
     if climb.search.validation or loop.is_at_once or climb.search.is_rounding(best):
         return Objection.NONE
-    objection = _objection(best, estimate, experiments, loop.is_closed)
+    objection = _objection(best, climb.search, experiments, loop.is_closed)
     if objection is Objection.DEPENDENT and climb.beside_noise is not None:
         # a slow disturbance resembles the input in any short record: a model of it tells the two apart
-        whitened, _ = _fitted(experiments, climb.beside_noise, climb.search)
-        return _objection(climb.beside_noise, whitened, experiments, loop.is_closed)
+        return _objection(climb.beside_noise, climb.search, experiments, loop.is_closed)
     return objection
 
 
@@ -375,21 +377,22 @@ def _is_nonlinear(experiments: Experiments) -> bool:
     return False
 
 
-def _objection(best: Candidate, estimate: Estimate, experiments: Experiments, fed_back: bool) -> Objection:
+def _objection(best: Candidate, search: StructureSearch, experiments: Experiments, fed_back: bool) -> Objection:
     """What shows that the best candidate is not right: then simulated errors may choose another.
 
     Beside feedback they would prefer a biased one, however right the best is. What looks like feedback is a
     nonlinearity where the residuals show one. Simulated integrators drift with their disturbances.
     """
-    is_settling = best.eligible and not np.isfinite(best.drive) and estimate.model.input_path().is_stable()
-    if experiments[0].ny > 1 or not is_settling:
+    # the parameters of the search are as good as those of a whole estimate here, which costs many times as much
+    model = search.polynomials_of(best)
+    is_settling = best.eligible and not np.isfinite(best.drive) and best.radius < 1.0
+    if model is None or not is_settling:
         return Objection.NONE
     if best.trend != NO_TREND:
         # beside a predictor that forgets slowly, another line than its own would leave errors for the whole record
-        found = estimate.diagnostics
-        experiments = subtract_lines(experiments, found["offsets"], found.get("slopes"))
+        experiments = search.without_trends(experiments, best)
     parts = complete_parts(experiments)
-    test = nonlinearity(estimate, parts, named=False)
+    test = nonlinearity(model, parts, named=False)
     if test is not None and test.material.any():
         return Objection.NONLINEAR
     if test is not None and (test.p_values < 1.0 - test.level).any():
@@ -397,7 +400,7 @@ def _objection(best: Candidate, estimate: Estimate, experiments: Experiments, fe
     if fed_back:
         return Objection.NONE
     with suppress(SysidError):  # nothing is left to test
-        if not resid(estimate, parts).independent.all():
+        if not resid(model, parts).independent.all():
             return Objection.DEPENDENT
     return Objection.NONE
 
@@ -408,22 +411,16 @@ def _ranked_by_simulation(
     best: Candidate,
     delays: tuple[int, ...],
     objection: Objection,
-) -> SimulationRanking | None:
-    """Candidate that simulates better than the best one, whose model is stable on all data too; None if none."""
+) -> tuple[SimulationRanking, Fitted] | None:
+    """Candidate that simulates better than the best one, with its model, which is stable too; None if none does."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
-        ranking = better_in_simulation(
-            search,
-            best,
-            delays,
-            lambda records, candidate: _estimate(records, candidate, search),
-            is_nonlinear=objection is Objection.NONLINEAR,
-        )
-        if ranking is None:
-            return None
-        estimate = _estimate(experiments, ranking.candidate, search)
-    slowest = np.abs(estimate.model.input_path().poles()).max(initial=0.0)
-    return ranking if slowest < search.slow_radius else None
+        ranking = better_in_simulation(search, best, delays, is_nonlinear=objection is Objection.NONLINEAR)
+    if ranking is None:
+        return None
+    fit = _fitted(experiments, ranking.candidate, search)
+    slowest = np.abs(fit[0].model.input_path().poles()).max(initial=0.0)
+    return (ranking, fit) if slowest < search.slow_radius else None
 
 
 def _interchange_question(experiments: Experiments) -> str:
@@ -434,38 +431,36 @@ def _interchange_question(experiments: Experiments) -> str:
     return INTERCHANGED if reverse_p > LEVEL else ""
 
 
-def _ranked_with_estimate(experiments: Experiments, search: StructureSearch) -> tuple[tuple[Candidate, ...], Estimate]:
-    """The candidates, the best first, and its model, estimated from all data.
+def _stable_first(experiments: Experiments, search: StructureSearch) -> tuple[tuple[Candidate, ...], Fitted | None]:
+    """The candidates, the best first, and its model if it was needed.
 
     Half of all estimates of a pole at one exceed one: a candidate whose model is unstable although it was not makes way
-    for the next one that is what it was.
+    for the next one that is what it was. Far inside the unit circle no model need be estimated to see that.
     """
     ranked = search.ranked()
-    first = _fitted(experiments, ranked[0], search)
+    first = None
     for candidate in ranked[:TRIED]:
         if candidate.radius >= 1.0 or not candidate.eligible:
             break
-        estimate, caught = first if candidate is ranked[0] else _fitted(experiments, candidate, search)
-        if estimate.model.input_path().is_stable():
-            others = tuple(other for other in ranked if other is not candidate)
-            return (candidate, *others), _with_warnings(estimate, caught)
-    return ranked, _with_warnings(*first)
+        if candidate.radius < search.slow_radius:
+            return _with_first(candidate, ranked), None
+        fit = _fitted(experiments, candidate, search)
+        first = first or fit
+        if fit[0].model.input_path().is_stable():
+            return _with_first(candidate, ranked), fit
+    return ranked, first
 
 
-def _fitted(
-    experiments: Experiments, candidate: Candidate, search: StructureSearch
-) -> tuple[Estimate, list[warnings.WarningMessage]]:
-    """The model of a candidate, and the warnings of its fit, which the reader gets of the chosen one alone."""
+def _with_first(candidate: Candidate, ranked: tuple[Candidate, ...]) -> tuple[Candidate, ...]:
+    """The candidates in their sequence, one of them first."""
+    return (candidate, *(other for other in ranked if other is not candidate))
+
+
+def _fitted(experiments: Experiments, candidate: Candidate, search: StructureSearch) -> Fitted:
+    """The model of a candidate, estimated from all data."""
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", SysidWarning)
         return _estimate(experiments, candidate, search), caught
-
-
-def _with_warnings(estimate: Estimate, caught: Sequence[warnings.WarningMessage]) -> Estimate:
-    """The estimate, after giving the warnings of its fit."""
-    for warning in caught:
-        warnings.warn(warning.message, stacklevel=4)
-    return estimate
 
 
 def _estimate(experiments: Experiments, chosen: Candidate, search: StructureSearch) -> Estimate:

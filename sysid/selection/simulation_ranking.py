@@ -8,19 +8,18 @@ Beside a nonlinearity the criterion buys orders that describe it one step ahead,
 linear model is the right one there; of those that simulate as well the one with the fewest parameters is chosen.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sysid.models.estimate import Estimate
 from sysid.models.predict import predict
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
-from sysid.selection.structure_search import ORDERS, Candidate, Experiments, StructureSearch, rising_orders
+from sysid.selection.structure_search import ORDERS, Candidate, StructureSearch, rising_orders
 
 LADDER = 4  # largest order of output-error models that are tried beside those of the search
 FITTED = 0.6  # part of the longest record on which candidates are estimated anew; they are simulated on the rest
@@ -48,7 +47,6 @@ def better_in_simulation(
     search: StructureSearch,
     chosen: Candidate,
     delays: Sequence[int],
-    estimated: Callable[[Experiments, Candidate], Estimate],
     *,
     is_nonlinear: bool,
 ) -> SimulationRanking | None:
@@ -60,7 +58,6 @@ def better_in_simulation(
         search: Candidates with one output.
         chosen: Stable candidate with the best criterion.
         delays: Delay of each input at which output-error models are tried too.
-        estimated: Estimates a candidate from records.
         is_nonlinear: Whether the output depends nonlinearly on the input.
     """
     record = max(search.experiments, key=len)
@@ -74,27 +71,27 @@ def better_in_simulation(
             far_better.append((error, candidate))
         elif error < NEARLY * own_error and candidate.parameters < chosen.parameters:
             smaller.append((candidate.parameters, candidate))
-    ranking = _judged(far_better, BETTER, chosen, record, estimated)
+    ranking = _judged(search, far_better, BETTER, chosen, record)
     if ranking is None and is_nonlinear:
-        ranking = _judged(smaller, NEARLY, chosen, record, estimated)
+        ranking = _judged(search, smaller, NEARLY, chosen, record)
     return ranking
 
 
 def _judged(
+    search: StructureSearch,
     ordered: Sequence[tuple[float, Candidate]],
     enough: float,
     chosen: Candidate,
     record: IOData,
-    estimated: Callable[[Experiments, Candidate], Estimate],
 ) -> SimulationRanking | None:
     """Smallest of the first candidates that simulate the rest of the record well enough; None if none does.
 
     Args:
+        search: What fitted them.
         ordered: Candidates behind what puts them in order.
         enough: Mean square error relative to that of the chosen one.
         chosen: Candidate with the best criterion.
         record: The record, of which all are estimated on the first part.
-        estimated: Estimates a candidate from records.
     """
     candidates = [candidate for _, candidate in sorted(ordered, key=lambda pair: pair[0])[:JUDGED]]
     if not candidates:
@@ -106,8 +103,9 @@ def _judged(
     for candidate in (chosen, *candidates):
         errors[id(candidate)] = np.inf
         with suppress(SysidError):
-            model = estimated((to_fit,), candidate).model.input_path()
-            errors[id(candidate)] = _simulation_error(model, to_simulate, chosen.trend)
+            path = search.input_path_on((to_fit,), candidate)
+            if path is not None:
+                errors[id(candidate)] = _simulation_error(path, to_simulate, chosen.trend)
     least = min(errors[id(candidate)] for candidate in candidates)
     if not least < enough * errors[id(chosen)]:
         return None

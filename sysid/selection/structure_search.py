@@ -24,9 +24,9 @@ from sysid.polynomial.initial_estimates import (
     oe_initial_estimates,
 )
 from sysid.polynomial.orders import NO_TREND, Orders
-from sysid.polynomial.polynomial_estimate import check_enough_data, directions
-from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, search
-from sysid.polynomial.trends import LINE, OFFSET, level
+from sysid.polynomial.polynomial_estimate import check_enough_data, directions, trends_of_outputs
+from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, minimise, search
+from sysid.polynomial.trends import LINE, OFFSET, Levelled, level
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -547,6 +547,28 @@ class StructureSearch:
         """Path from the input to the output of a candidate as far as the search refined it."""
         fit = self._fit_of(candidate)
         return None if fit is None else self._input_path(fit.orders, fit.theta)
+
+    def input_path_on(self, records: Experiments, candidate: Candidate) -> StateSpace | None:
+        """Path from the input to the output of a candidate with one output, refined on other complete records.
+
+        Raises:
+            SysidError: The records are too short for it.
+        """
+        fit = self._fit_of(candidate)
+        if fit is None:
+            return None
+        orders = fit.orders
+        samples = check_enough_data(records, orders, max(orders.nc, orders.nd) + sum(orders.nf))
+        minimum = minimise(records, orders, fit.theta, tolerance=UNTOLD / samples)
+        return self._input_path(orders, minimum.at.theta)
+
+    def without_trends(self, records: Experiments, candidate: Candidate) -> Experiments:
+        """Records without the trends of their outputs that a candidate with one output gives them."""
+        fit = self._fit_of(candidate)
+        if fit is None:
+            return records
+        trends = trends_of_outputs(records, fit.orders, fit.theta)
+        return Levelled.of(records).subtract(trends).experiments
 
     def _input_path(self, orders: Orders, theta: FloatArray) -> StateSpace:
         """The model without C and D, which move no pole of the input path."""

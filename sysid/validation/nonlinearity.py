@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from sysid.models.estimate import Estimate
+from sysid.models.model_forms import AnyModel, as_model
 from sysid.models.predict import aligned, output, predict, residuals
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.correlation import autoregression
@@ -69,7 +69,7 @@ class NonlinearityTest(Locked):
 
 
 def nonlinearity(
-    estimate: Estimate, data: Sequence[IOData], *, level: float = 0.999, named: bool = True
+    model: AnyModel, data: Sequence[IOData], *, level: float = 0.999, named: bool = True
 ) -> NonlinearityTest | None:
     """Test the prediction errors of a stable linear model for nonlinear dependence on the input.
 
@@ -80,7 +80,7 @@ def nonlinearity(
     feedback makes no nonlinearity.
 
     Args:
-        estimate: The model.
+        model: The model, in any form that `predict` takes.
         data: Records of its fit, about its operating point.
         level: Confidence level; of all terms together.
         named: Whether to tell kinds, which takes most of the time; empty without.
@@ -89,7 +89,7 @@ def nonlinearity(
         The test; None for an unstable model.
     """
     first = data[0]
-    model = aligned(estimate.model, first)
+    model = aligned(as_model(model, first), first)
     if not model.is_stable():
         return None
     records = _tested_parts(data)
