@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.io import savemat
 
 from hmtb_twin.files.atomic_write import replacing
 from scenarios.files.errors import ScenarioError
@@ -21,6 +20,8 @@ FORMAT = "hmtb mat record 1"
 
 def write_mat(record: "BusRecord", path: Path) -> Path:
     """Write a record: channels, `dt`, `time`, and names and units as structures; NaN is a lost sample."""
+    from scipy.io import savemat
+
     from hmtb_twin.bus.record import CHANNELS
 
     names: dict[str, object] = {"time": "time"}

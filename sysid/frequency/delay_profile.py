@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -14,7 +15,8 @@ from sysid.polynomial.error_jacobian import error_jacobian
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, oe_initial_estimates
 from sysid.polynomial.orders import Orders
-from sysid.polynomial.prediction_error import Linearisation, linearise, minimise
+from sysid.polynomial.prediction_error import Linearisation, LinearModel, linearise, minimise
+from sysid.polynomial.stability_limit import outward
 from sysid.polynomial.trends import OFFSET, level
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -28,6 +30,7 @@ FIRST_STEPS = 30  # of the search at the first delay of an order
 STEPS = 10  # of the search at every other delay, from the answer at its neighbour
 SETTLED = 0.02  # of the criterion, at which a search ends
 FAR = 15.0  # -2 log likelihood above the best from which on delays further away are not fitted
+HOPELESS = 60.0  # -2 log likelihood above another delay that the linear model of a start promises, not to search there
 DEPENDENT = 1e-12  # singular value of regressors, relative to the largest, that rounding makes of zero
 ADDED = 0.5  # pole, of 1/sample, that a smaller model gets on the way to a larger one
 COLOUR = 10  # highest order of the autoregressive model of the disturbance
@@ -241,11 +244,27 @@ class ProfileSearch:
                 if nk not in starts or costs[nk] < starts[nk][0]:
                     starts[nk] = costs[nk], np.concatenate((numerators[nk], f[1:]))
         best_first = sorted(starts, key=lambda nk: starts[nk][0])[:TRIED]
+        lowest = np.inf
         for nk in best_first:
-            self._improve((poles, nb, nk), starts[nk][1], FEW_STEPS)
-        if best_first:
-            key = min(((poles, nb, nk) for nk in best_first), key=lambda key: self.fits[key].cost)
+            key = poles, nb, nk
+            start = self._promising(key, starts[nk][1], lowest)
+            if start is not None:
+                self._improve(key, start, FEW_STEPS)
+                lowest = min(lowest, self.fits[key].cost)
+        searched = [key for key in self.fits if key[:2] == (poles, nb)]
+        if best_first and searched:
+            key = min(searched, key=lambda key: self.fits[key].cost)
             self._improve(key, self.fits[key].theta, FIRST_STEPS)
+
+    def _promising(self, key: Structure, theta: FloatArray, lowest: float) -> Linearisation | None:
+        """The errors at a start; None where their linear model stays far above a cost that another delay has."""
+        orders = _orders(*key)
+        at = linearise(self.records, orders, theta)
+        longest = max(map(len, self.records))
+        _, decrease = LinearModel.at(at, partial(outward, orders, samples=longest)).step(0.0)
+        if at.cost - decrease > lowest * np.exp(HOPELESS / self.errors):
+            return None
+        return at
 
     def spread(self) -> None:
         """Fit the neighbours of the best delay of every structure, as far as the likelihood may allow them."""
@@ -332,12 +351,12 @@ class ProfileSearch:
         """The errors as a function of B alone, at B = 0."""
         return linearise(self.records, _orders(len(f) - 1, nb, nk), np.concatenate((np.zeros(nb), f[1:])))
 
-    def _improve(self, key: Structure, theta: FloatArray, steps: int, good_enough: float = 0.0) -> None:
+    def _improve(self, key: Structure, start: FloatArray | Linearisation, steps: int, good_enough: float = 0.0) -> None:
         """Search from a start to a cost that is good enough, and keep what is lower than the fit of this structure."""
         at = minimise(
             self.records,
             _orders(*key),
-            theta,
+            start,
             max_iterations=steps,
             good_enough=good_enough,
             tolerance=SETTLED / self.errors,

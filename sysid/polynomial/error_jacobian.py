@@ -226,7 +226,9 @@ def _beside_trend(
     The filters are A, C and D of the errors D/C A y.
     """
     a, c, d = filters
-    caused = scipy.signal.lfilter(d, c, scipy.signal.lfilter(a, [1.0], terms, axis=0), axis=0)[start:]
+    caused = terms[start:].copy()
+    if max(len(a), len(c), len(d)) > 1:
+        caused = scipy.signal.lfilter(d, c, scipy.signal.lfilter(a, [1.0], terms, axis=0), axis=0)[start:]
     free = np.zeros((len(caused), transients.shape[1] + terms.shape[1]), order="F")
     free[: len(transients), : transients.shape[1]] = transients
     free[:, transients.shape[1] :] = _without_vanished(caused)

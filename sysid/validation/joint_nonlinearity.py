@@ -21,6 +21,7 @@ BETTER = 0.75  # error of the kind named, relative to that of the linear servo, 
 DISTINCT = 0.85  # the same relative to that of any other kind
 EXPLAINED = 0.3  # the same relative to the output, up to which the record is that of such a joint
 EVALUATIONS = 12  # of each search, whose derivatives take one simulation per parameter more
+SETTLED = 1e-3  # decrease by a step, relative to the cost, at which a search ends: kinds differ by far more
 DAMPING = 0.7  # at the start
 SIZES = {FRICTION: (0.03, 0.1, 0.3), PLAY: (0.03, 0.1, 0.3), SATURATION: (0.3, 1.0)}
 """Starts of the size of each nonlinearity, relative to the largest deviation of the output: error of the command
@@ -34,11 +35,16 @@ def stop(signal: FloatArray, width: float) -> FloatArray:
 
 def play(signal: FloatArray, width: float) -> FloatArray:
     """Output (N,) of play of half-width `width`: it follows its input at that distance at most."""
-    position, positions = float(signal[0]), []
-    for value in signal.tolist():
-        position = min(max(position, value - width), value + width)
-        positions.append(position)
-    return np.array(positions)
+    # a sample limits the position to a range, and so do several in a row: their ranges are combined by doubling
+    low, high = signal - width, signal + width
+    reach = 1
+    while reach < len(signal):
+        low, high = (
+            np.concatenate((low[:reach], np.clip(low[:-reach], low[reach:], high[reach:]))),
+            np.concatenate((high[:reach], np.clip(high[:-reach], low[reach:], high[reach:]))),
+        )
+        reach *= 2
+    return np.clip(float(signal[0]), low, high)
 
 
 def told_kind(u: FloatArray, y: FloatArray, dt: float, delay: int, bandwidth: float) -> str:
@@ -109,7 +115,13 @@ def _searched(
 
     reach = np.full(len(start), 5.0)
     result = scipy.optimize.least_squares(
-        errors, start, bounds=(start - reach, start + reach), diff_step=1e-3, x_scale=0.3, max_nfev=EVALUATIONS
+        errors,
+        start,
+        bounds=(start - reach, start + reach),
+        diff_step=1e-3,
+        x_scale=0.3,
+        ftol=SETTLED,
+        max_nfev=EVALUATIONS,
     )
     return result.x, float(result.cost)
 
@@ -146,7 +158,12 @@ def _servo_with_friction(parameters: FloatArray, record: _Record) -> FloatArray:
         angles.append(angle)
         for _ in range(2):
             free = c * angle + d * velocity + of_velocity * value
-            friction = min(max(-free / of_velocity, -limit), limit)
+            friction = -free / of_velocity
+            # `min` and `max` would take half of the time
+            if friction > limit:
+                friction = limit
+            elif friction < -limit:
+                friction = -limit
             angle = a * angle + b * velocity + of_angle * (value + friction)
             velocity = free + of_velocity * friction
     return np.array(angles)
@@ -167,7 +184,12 @@ def _servo_with_limit(parameters: FloatArray, record: _Record) -> FloatArray:
         angles.append(angle)
         for _ in range(2):
             error = value - angle - rate * velocity
-            limited = value + min(max(error, -limit), limit) - error
+            drive = error
+            if error > limit:
+                drive = limit
+            elif error < -limit:
+                drive = -limit
+            limited = value + drive - error
             angle, velocity = (
                 a * angle + b * velocity + of_angle * limited,
                 c * angle + d * velocity + of_velocity * limited,

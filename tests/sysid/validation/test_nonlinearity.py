@@ -132,3 +132,14 @@ def test_linear_servos_between_two_levels_are_not_called_nonlinear():
         called += nonlinearity(oe(record, 2, 2, 1), [record]).material.sum()
     # one in a thousand is the level: two of sixty have a probability of 0.2 %
     assert called <= 1
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3, 64, 1000])
+@pytest.mark.parametrize("width", [0.0, 0.5, 3.0, 100.0])
+def test_play_follows_its_input_at_a_distance(samples, width):
+    signal = np.cumsum(np.random.default_rng(3).standard_normal(samples))
+    position, expected = signal[0], []
+    for value in signal:
+        position = min(max(position, value - width), value + width)
+        expected.append(position)
+    np.testing.assert_array_equal(play(signal, width), expected)
