@@ -45,7 +45,8 @@ def arma(
         SysidError: Data with an input, several outputs, orders negative or too many for the data.
 
     Warns:
-        SysidWarning: A mean that dominates, no convergence, bad conditioning, C at the edge of stability.
+        SysidWarning: A mean that dominates, no convergence, bad conditioning, C at the edge of stability, A and
+            C that nearly cancel.
     """
     coloured = truth_value("coloured", coloured)
     return prediction_error_estimate(

@@ -70,7 +70,8 @@ def bj(
             does not fit.
 
     Warns:
-        SysidWarning: Poor excitation, no convergence, bad conditioning, C, D or F at the edge of stability.
+        SysidWarning: Poor excitation, no convergence, bad conditioning, C, D or F at the edge of stability, C and D
+            that nearly cancel.
     """
     return prediction_error_estimate(
         "bj",

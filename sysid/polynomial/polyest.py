@@ -75,7 +75,7 @@ def polyest(
 
     Warns:
         SysidWarning: Poor excitation, no convergence, bad conditioning (also where A, D and F have roots in common), C,
-            D or F at the edge of stability.
+            D or F at the edge of stability, C and D that nearly cancel.
     """
     return prediction_error_estimate(
         "polyest",

@@ -24,6 +24,7 @@ from sysid.polynomial.error_threshold import HuberFit, checked_error_threshold, 
 from sysid.polynomial.focus import Focus, checked_focus
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.initial_estimates import check_room_to_start, fill_gaps, initial_estimates
+from sysid.polynomial.interval_warnings import interval_messages, near_unit_circle
 from sysid.polynomial.offset_test import missing_constant, offset_messages
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.outliers import outlier_messages
@@ -204,9 +205,6 @@ ROUNDING = 1e-14  # singular value of the scaled Jacobian, relative to the large
 COLOUR = 30  # highest order of the autoregressive model of a coloured disturbance
 ROWS_PER_COEFFICIENT = 20  # least number of errors per coefficient of that model
 LONG = 100_000  # samples beyond which stretches of the records are searched first
-MEMORY = 8.0  # time constants of a root of C or D in a record, up to which intervals are known to fail
-FEW = 20  # errors for each parameter below which intervals of a noise model are known to be too narrow
-EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 
 def prediction_error_estimate(
@@ -416,13 +414,13 @@ def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iteration
         half = constraint.basis @ half
         searched, free_count = constraint.searched(orders, at.theta), constraint.count
         diagnostics["effective_parameters"] = free_count
-    messages = _search_messages(method, result.best, condition) + _near_unit_circle(orders, searched)
+    messages = _search_messages(method, result.best, condition) + near_unit_circle(orders, searched)
     if not problem.threshold:
         variance = at.sum_of_squares / (at.errors - free_count - at.transients)
         covariance = _covariance(
             experiments, orders, at, half, variance, problem.initial_conditions, coloured=problem.coloured
         )
-        messages += _long_memory(orders, at) or _short_record(orders, at)
+        messages += interval_messages(orders, at.theta, at.errors, constraint)
         return FitAtMinimum(at, covariance, variance, diagnostics, messages, None)
     huber = huber_fit(
         experiments,
@@ -435,7 +433,7 @@ def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iteration
     )
     at = replace(at, theta=huber.theta)
     colour_order = _colour_order(at) if problem.coloured else 0
-    messages += huber.messages + (_long_memory(orders, at) or _short_record(orders, at))
+    messages += huber.messages + interval_messages(orders, at.theta, at.errors, constraint)
     diagnostics |= huber.diagnostics
     return FitAtMinimum(at, huber.covariance(colour_order), huber.scale**2, diagnostics, messages, huber)
 
@@ -477,7 +475,8 @@ def _simulation_estimate(
         of_noise = result.noise_basis @ of_noise
         covariance += variance * of_noise @ of_noise.T
     messages = [*problem.messages, *_search_messages(method, result.path.best, condition)]
-    messages += _near_unit_circle(orders, result.theta)
+    messages += near_unit_circle(orders, result.theta)
+    messages += interval_messages(orders, result.theta, prediction.errors)
     warn_each(messages, stacklevel=4)
     diagnostics = _diagnostics(result.path, condition)
     if levelled is not None:
@@ -644,52 +643,3 @@ def directions(at: Linearisation) -> tuple[FloatArray, float]:
     half = right[kept].T / values[kept] / at.scale[:, None]
     condition = float(values[0] / values[-1]) if values[-1] > 0.0 else np.inf
     return half, condition
-
-
-def _near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
-    """Messages on polynomials with a root at the edge of stability."""
-    _, _, c, d, f = orders.split(theta)
-    messages = []
-    names = ["C", "D", *["F"] * len(f)]
-    for name, polynomial in zip(names, (c, d, *f), strict=True):
-        radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
-        if radius > 1.0 - EDGE:
-            messages.append(
-                f"{name} has a root of modulus {radius:.7f}, at the edge of stability: intervals may be wrong"
-            )
-    return messages
-
-
-def _short_record(orders: Orders, at: Linearisation) -> list[str]:
-    """Message on a noise model from few errors, whose intervals are known to be too narrow.
-
-    95 % intervals of armax(2, 2, 2) held C in 83 % of 400 records of 80 samples (13 errors for each parameter), in 92 %
-    of 200 records of 200 samples, in 95 % at 500; those of A and B in 92, 93 and 94 %, those of oe in 94 % at 80. Those
-    of C and D of bj(2, 2, 2, 2), nearly cancelling, held in 38 % of 60 records of 80 samples, of B and F in 79 %.
-    """
-    if not (orders.nc or orders.nd) or at.errors >= FEW * orders.count:
-        return []
-    return [
-        f"{at.errors} errors for {orders.count} parameters are few: intervals of the noise model are too narrow, "
-        "above all those of C and D beside each other"
-    ]
-
-
-def _long_memory(orders: Orders, at: Linearisation) -> list[str]:
-    """Messages on roots of C and D with a memory that is long beside the record.
-
-    An estimate of a root that is drawn towards the unit circle stays there, and the criterion about it is no parabola.
-    Of 300 Box-Jenkins records of 80 samples, 95 % intervals held the truth in 94 % without such a root (C and D in 93
-    %); with one, those of C and D did in 37 %. Neither the curvature of the criterion nor quantiles of Student's t
-    mend that.
-    """
-    _, _, c, d, _ = orders.split(at.theta)
-    messages = []
-    for name, polynomial in (("C", c), ("D", d)):
-        radius = float(np.abs(np.roots(polynomial)).max(initial=0.0))
-        if 1.0 - EDGE >= radius > 1.0 - MEMORY / at.errors:
-            messages.append(
-                f"{name} has a root of modulus {radius:.3g}, whose memory {at.errors} samples hardly resolve: "
-                "intervals of the noise model are too narrow"
-            )
-    return messages

@@ -1,11 +1,12 @@
 """Coverage of 95 % intervals from few samples, and what the warnings of the estimate catch.
 
 Each record has a system of its own class: one with separate roots of C and D, one where they nearly cancel, and random
-ones. Per structure and length the table has the share of coefficients whose interval holds the truth, of the input path
-(A, B, F) and of the noise model (C, D), the share of records with a warning of short intervals, and the coverage in
-those without.
+ones. Those of `arma` are the disturbances alone: A in place of D, in the columns of the noise model. B and F of `oe`,
+and A, B and C of `armax`, nearly cancel in the systems with a common root. Per structure and length the table has the
+share of coefficients whose interval holds the truth, of the input path (A, B, F) and of the noise model (C, D), the
+share of records with a warning of short intervals, and the coverages in those without and with one.
 
-    python tests/benchmarks/short_records.py [--records 200] [--lengths 80 200 800] [--seed 0]
+    python tests/benchmarks/short_records.py [--records 200] [--lengths 80 200 800] [--seed 0] [--structures bj]
 """
 
 import argparse
@@ -25,10 +26,21 @@ NOISE = {
 }
 """Polynomials C and D of each kind of noise; those of random ones are drawn for each record."""
 
+COMMON_ROOT = (np.array([0.0, 1.0, -0.3]), np.poly([0.8, 0.36]), np.poly([0.3, -0.3]))
+"""B, F or A, and C of systems that a root less of each describes nearly as well."""
+
+KINDS = {
+    "oe": ("random", "common root"),
+    "armax": (*NOISE, "random", "common root"),
+    "bj": (*NOISE, "random"),
+    "arma": (*NOISE, "random"),
+}
+"""Kinds of systems of each structure."""
+
 RATIO = 0.3
 """Standard deviation of the noise over that of the output without it."""
 
-SHORT = ("few", "memory", "edge of stability")
+SHORT = ("few", "memory", "edge of stability", "nearly cancel")
 """Words of the warnings of short intervals."""
 
 
@@ -42,34 +54,40 @@ def random_roots(rng, largest):
 
 def estimated(structure, kind, samples, rng):
     """Estimate of one record, and the true coefficients in the sequence of its parameters."""
-    f, (c, d) = A, NOISE.get(kind, (None, None))
+    b, f, (c, d) = B, A, NOISE.get(kind, (None, None))
+    if kind == "common root":
+        b, f, c = COMMON_ROOT
     if kind == "random":
         f, c, d = random_roots(rng, 0.95), random_roots(rng, 0.9), random_roots(rng, 0.9)
     if structure == "armax":
         d = f
     u, e = rng.standard_normal((2, samples + 300))
-    noise_free = lfilter(B, f, u)
+    noise_free = lfilter(b, f, u)
     noise = e if structure == "oe" else lfilter(c, d, e)
+    if structure == "arma":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return sysid.arma(IOData(None, noise[300:], 1.0), 2, 2), np.concatenate((d[1:], c[1:]))
     y = (noise_free + RATIO * noise_free.std() / noise.std() * noise)[300:]
     record = IOData(u[300:], y, 1.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         if structure == "oe":
-            return sysid.oe(record, 2, 2), np.concatenate((B[1:], f[1:]))
+            return sysid.oe(record, 2, 2), np.concatenate((b[1:], f[1:]))
         if structure == "armax":
-            return sysid.armax(record, 2, 2, 2), np.concatenate((f[1:], B[1:], c[1:]))
+            return sysid.armax(record, 2, 2, 2), np.concatenate((f[1:], b[1:], c[1:]))
         # parameters of Box-Jenkins models are those of B, C, D and F
-        truth = np.concatenate((B[1:], c[1:], d[1:], f[1:]))
+        truth = np.concatenate((b[1:], c[1:], d[1:], f[1:]))
         return sysid.bj(record, 2, 2, 2, 2), truth
 
 
 def places_of_noise(structure):
     """Places of the coefficients of the noise model."""
-    return {"oe": [], "armax": [4, 5], "bj": [2, 3, 4, 5]}[structure]
+    return {"oe": [], "armax": [4, 5], "bj": [2, 3, 4, 5], "arma": [0, 1, 2, 3]}[structure]
 
 
 def measure(structure, kind, samples, records, seed):
-    """Coverages of path and noise model, share with a warning, and coverages without one."""
+    """Coverages of path and noise model, share with a warning, and coverages without and with one."""
     held, warned = [], []
     for k in range(records):
         rng = np.random.default_rng((seed, samples, k))
@@ -80,7 +98,9 @@ def measure(structure, kind, samples, records, seed):
         warned.append(any(word in message for message in messages for word in SHORT))
     held, warned = np.array(held), np.array(warned)
     noise = np.isin(np.arange(held.shape[1]), places_of_noise(structure))
-    groups = [held[:, ~noise], held[:, noise], held[~warned][:, ~noise], held[~warned][:, noise]]
+    groups = []
+    for records_of_group in (held, held[~warned], held[warned]):
+        groups += [records_of_group[:, ~noise], records_of_group[:, noise]]
     coverages = [float(group.mean()) if group.size else np.nan for group in groups]
     return *coverages[:2], float(warned.mean()), *coverages[2:]
 
@@ -91,14 +111,13 @@ def main():
     parser.add_argument("--records", type=int, default=200)
     parser.add_argument("--lengths", type=int, nargs="+", default=[80, 200, 800])
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--structures", nargs="+", default=["oe", "armax", "bj"])
+    parser.add_argument("--structures", nargs="+", default=list(KINDS), choices=list(KINDS))
     asked = parser.parse_args()
-    columns = ("path", "noise model", "warned", "path, not warned", "noise model, not warned")
-    heading("structure", "noise", "samples", *columns)
+    columns = ["path", "noise model", "warned"]
+    columns += ["path, not warned", "noise model, not warned", "path, warned", "noise model, warned"]
+    heading("structure", "system", "samples", *columns)
     for structure in asked.structures:
-        for kind in (*NOISE, "random"):
-            if structure == "oe" and kind != "random":
-                continue
+        for kind in KINDS[structure]:
             for samples in asked.lengths:
                 figures = measure(structure, kind, samples, asked.records, asked.seed)
                 cells = ["–" if np.isnan(figure) else f"{figure:.3f}" for figure in figures]

@@ -1,0 +1,122 @@
+"""Warnings of short intervals: C and D that nearly cancel, and the same of time series."""
+
+import warnings
+
+import numpy as np
+import pytest
+import scipy
+from scipy.signal import lfilter
+
+import sysid
+from sysid import IOData
+from sysid.polynomial.interval_warnings import cancellation_strength
+from tests.benchmarks.short_records import NOISE, estimated, places_of_noise
+
+
+def _cancels(estimate):
+    return any("nearly cancel" in message for message in estimate.diagnostics["warnings"])
+
+
+@pytest.mark.parametrize(("zero", "pole"), [(-0.3, 0.5), (0.7, 0.75), (0.0, 0.2), (-0.9, -0.95)])
+def test_strength_of_degree_one(zero, pole):
+    """The excess of the norm of (1 - z q^-1) / (1 - p q^-1) over one is (p - z)^2 / (1 - p^2), by its series."""
+    expected = 500 * np.log1p((pole - zero) ** 2 / (1.0 - pole**2))
+    assert cancellation_strength(np.poly([zero]), np.poly([pole]), 500) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("zeros", "poles"),
+    [
+        ([0.35 + 0.36j, 0.35 - 0.36j], [0.4 + 0.37j, 0.4 - 0.37j]),
+        ([0.8, 0.3], [0.75, -0.6]),
+        ([0.6], [0.7, 0.2]),
+        ([0.5 + 0.5j, 0.5 - 0.5j, -0.4], [-0.3, 0.9]),
+    ],
+)
+def test_strength_is_the_least_distance_by_a_general_minimiser(zeros, poles):
+    """No C' and D' of one degree less, by the simplex method from many beginnings, are much nearer."""
+    c, d = np.poly(zeros).real, np.poly(poles).real
+    pulse = np.eye(1, 400)[0]
+
+    def distance(coefficients):
+        smaller_c, smaller_d = np.split(coefficients, [len(c) - 2])
+        smaller_c = np.append(1.0, smaller_c)
+        if np.abs(np.roots(smaller_c)).max(initial=0.0) >= 1.0:
+            return 1e6
+        ratio = lfilter(np.convolve(np.append(1.0, smaller_d), c), np.convolve(smaller_c, d), pulse)
+        return float(ratio @ ratio) - 1.0
+
+    rng = np.random.default_rng(0)
+    options = {"xatol": 1e-9, "fatol": 1e-14, "maxiter": 4000, "maxfev": 4000}
+    minima = []
+    for _ in range(8):
+        first = rng.uniform(-0.5, 0.5, len(c) + len(d) - 4)
+        minima.append(scipy.optimize.minimize(distance, first, method="Nelder-Mead", options=options).fun)
+    assert cancellation_strength(c, d, 1000) == pytest.approx(1000 * np.log1p(min(minima)), rel=0.02)
+
+
+def test_a_common_root_has_no_strength():
+    assert cancellation_strength(np.poly([0.7, 0.4]), np.poly([0.7, -0.5]), 10**6) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "warned"), [("nearly cancelling", True), ("separate", False)])
+def test_rates_of_the_warning_and_coverage(kind, warned):
+    """Intervals of C and D hold the simulated truth in half of the records where they nearly cancel; B and F's hold."""
+    held, cancelling = [], []
+    for seed in range(20):
+        estimate, truth = estimated("bj", kind, 800, np.random.default_rng(seed))
+        held.append(np.abs(estimate.parameters - truth) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
+        cancelling.append(_cancels(estimate))
+    of_noise = np.isin(np.arange(8), places_of_noise("bj"))
+    coverage, of_path = np.array(held)[:, of_noise].mean(), np.array(held)[:, ~of_noise].mean()
+    assert np.mean(cancelling) >= 0.95 if warned else not any(cancelling)
+    assert coverage < 0.7 if warned else coverage > 0.88
+    assert of_path > 0.88
+
+
+def _box_jenkins_record(kind, samples=800):
+    rng = np.random.default_rng(1)
+    u, e = rng.standard_normal((2, samples))
+    return IOData(u, lfilter([0.0, 1.0], [1.0, -0.8], u) + 0.3 * lfilter(*NOISE[kind], e), 1.0)
+
+
+def test_words_of_the_warning():
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        estimate = sysid.bj(_box_jenkins_record("nearly cancelling"), 1, 2, 2, 1)
+    (message,) = [message for message in estimate.diagnostics["warnings"] if "nearly cancel" in message]
+    assert message in [str(warning.message) for warning in caught]
+    assert message.startswith("C and D nearly cancel")
+    assert "Choose smaller nc and nd" in message
+    assert "path from the input do not suffer" in message
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_every_method_with_c_and_d_warns():
+    cancelling, separate = _box_jenkins_record("nearly cancelling"), _box_jenkins_record("separate")
+    for fit, expected in ((cancelling, True), (separate, False)):
+        assert _cancels(sysid.polyest(fit, 0, 1, 2, 2, 1)) == expected
+        assert _cancels(sysid.bj(fit, 1, 2, 2, 1, error_threshold=1.6)) == expected
+        assert _cancels(sysid.bj(fit, 1, 2, 2, 1, focus="simulation")) == expected
+    # a known coefficient of C or D determines the common root
+    assert not _cancels(sysid.bj(cancelling, 1, 2, 2, 1, fixed={"C": [1.0, np.nan, 0.25]}))
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_time_series_whose_a_and_c_nearly_cancel():
+    """Beside an input the same A and C do not matter: the path determines A."""
+    rng = np.random.default_rng(2)
+    u, e = rng.standard_normal((2, 800))
+    a, c = [1.0, -0.7], [1.0, -0.6]
+    noise = lfilter(c, a, e)
+    series = sysid.arma(IOData(None, noise, 1.0), 1, 1)
+    (message,) = [message for message in series.diagnostics["warnings"] if "nearly cancel" in message]
+    assert message.startswith("A and C nearly cancel")
+    assert "Choose smaller na and nc" in message
+    assert "path" not in message
+    assert not _cancels(sysid.arma(IOData(None, lfilter([1.0, 0.5], a, e), 1.0), 1, 1))
+    estimate = sysid.armax(IOData(u, lfilter([0.0, 1.0], a, u) + noise, 1.0), 1, 1, 1)
+    assert not _cancels(estimate)
+    truth = np.array([-0.7, 1.0, -0.6])
+    assert (np.abs(estimate.parameters - truth) <= 3.0 * np.sqrt(np.diag(estimate.covariance))).all()
