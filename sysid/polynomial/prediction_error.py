@@ -20,6 +20,7 @@ from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.recent_minima import RecentResults, fingerprint
+from sysid.polynomial.root_exchange import exchanged_roots
 from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrained_step, move_roots_inside, outward
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -337,6 +338,9 @@ SHORT = 50.0  # samples per parameter below which the criterion often has severa
 EASY = 20  # steps to the minimum; more suggest a difficult criterion, for which all initial estimates are tried
 ROUNDS = ((6, 8), (3, 16), (2, 1000))  # of a difficult criterion: the best initial estimates, and their further steps
 
+EXCHANGES = 3  # of a root between A and F, one after the other
+EXCHANGE_ROUNDS = ((4, 8), (2, 16))  # of their minima: the best, and their further steps
+
 
 @dataclass(frozen=True)
 class InitialEstimate:
@@ -425,7 +429,10 @@ def search(
         if not best.converged and best.iterations < max_iterations:
             best = refine(best.at)
 
+    if orders.na and any(orders.nf) and thorough and not noise_free:
+        best, chosen = _best_of_exchanges(refine, best, chosen)
     costs = {name: minimum.at.cost for name, minimum in screened.items()}
+    costs.setdefault(chosen, best.at.cost)
     ambiguous = difficult or (refine.samples < SHORT * orders.count and not noise_free)
     if not (smaller_too and ambiguous and start is None):
         return Search(best, costs, chosen)
@@ -578,11 +585,15 @@ def _screened_until_two_agree(
 
 
 def _best_of_rivals(
-    refine: Refinement, screened: dict[str, Minimum], best: Minimum, chosen: str
+    refine: Refinement,
+    screened: dict[str, Minimum],
+    best: Minimum,
+    chosen: str,
+    rounds: Sequence[tuple[int, int]] = ROUNDS,
 ) -> tuple[Minimum, str]:
     """Refine the other screened minima, ever fewer by ever more steps; the lowest minimum of all, and its name."""
     rivals = {name: minimum for name, minimum in screened.items() if name != chosen}
-    for count, steps in ROUNDS:
+    for count, steps in rounds:
         ranked = sorted(rivals.items(), key=lambda rival: rival[1].at.cost)
         rivals, reached = {}, [best.at.cost]
         for name, rival in ranked:
@@ -594,6 +605,23 @@ def _best_of_rivals(
         for name, rival in rivals.items():
             if rival.at.cost < best.at.cost:
                 best, chosen = rival, name
+    return best, chosen
+
+
+def _best_of_exchanges(refine: Refinement, best: Minimum, chosen: str) -> tuple[Minimum, str]:
+    """The lowest minimum that exchanges of roots between A and F lead to, one after the other, and its name."""
+    for _ in range(EXCHANGES):
+        rivals: dict[str, Minimum] = {}
+        for candidate in exchanged_roots(refine.orders, best.at.theta):
+            if admissible(refine.orders, candidate):
+                name = f"{chosen}, exchange {len(rivals) + 1}"
+                rivals[name] = refine(candidate, SCREENING_STEPS)
+        lowest, name = _best_of_rivals(refine, rivals, best, chosen, EXCHANGE_ROUNDS)
+        # the same minimum stays as it is, to the last bit
+        if refine.samples * (best.at.cost - lowest.at.cost) <= AGREED * best.at.cost:
+            break
+        chosen = name
+        best = lowest if lowest.converged else refine(lowest.at)
     return best, chosen
 
 

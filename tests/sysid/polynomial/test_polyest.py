@@ -87,7 +87,7 @@ def test_refusals():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [20, 68])
+@pytest.mark.parametrize("seed", [20, 68, 28, 390, 425, 571, 730])
 def test_roots_of_a_and_f_are_not_exchanged(seed):
     """Random systems; a search that starts from A alone ends 100 information units above the minimum by the truth."""
     rng = np.random.default_rng(seed)
