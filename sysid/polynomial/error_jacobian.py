@@ -6,7 +6,7 @@ missing outputs at their conditional means, projected onto the complement of bot
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import scipy
@@ -60,11 +60,13 @@ def error_jacobian(
     theta: FloatArray,
     initial_conditions: InitialConditions,
     roots: FloatArray | None = None,
+    responses: "FreeResponses | None" = None,
 ) -> ErrorJacobian:
     """Prediction errors and Jacobian of one single-output experiment at stable parameters theta (p,).
 
     With square `roots` of weights (rows,) every row is multiplied by its own, and initial conditions and trends are
-    those of the weighted least squares; not for backcasting.
+    those of the weighted least squares; not for backcasting. The free `responses` at the same parameters, of several
+    experiments, are computed here unless they are given.
     """
     projects_no_trend = initial_conditions is not InitialConditions.ESTIMATED
     if orders.trend_terms and projects_no_trend:
@@ -72,7 +74,7 @@ def error_jacobian(
         return _jacobian_beside_trend(jacobian, experiment, orders, theta, initial_conditions)
     y, u = experiment.y[:, 0], experiment.u
     if initial_conditions is InitialConditions.ZERO:
-        from_rest = _free_conditions_jacobian(y, u, orders, orders.split(theta), 0, np.zeros((0, 0)))
+        from_rest = _free_conditions_jacobian(y, u, orders, orders.split(theta), 0, NO_RESPONSE)
         columns = from_rest.columns[experiment.window :]
         if roots is not None:
             columns *= roots[:, None]
@@ -80,17 +82,21 @@ def error_jacobian(
     if initial_conditions is InitialConditions.BACKCAST and max(orders.nc, orders.nd):
         return _backcast_jacobian(y, u, orders, theta, orders.first_row(experiment.window))
     start = orders.first_error(experiment.window)
-    polynomials = orders.split(theta)
-    transients = free_transients(orders, polynomials, len(y) - start)
-    return _free_conditions_jacobian(y, u, orders, polynomials, start, transients, roots)
+    responses = responses or FreeResponses(orders, theta)
+    return _free_conditions_jacobian(y, u, orders, responses.polynomials, start, responses.of(len(y), start), roots)
 
 
 def jacobian_of_record(
-    experiment: IOData, orders: Orders, theta: FloatArray, initial_conditions: InitialConditions
+    experiment: IOData,
+    orders: Orders,
+    theta: FloatArray,
+    initial_conditions: InitialConditions,
+    responses: "FreeResponses | None" = None,
 ) -> ErrorJacobian:
     """`error_jacobian` of a complete record, `gapped_error_jacobian` of one with missing outputs."""
-    jacobian = error_jacobian if experiment.complete else gapped_error_jacobian
-    return jacobian(experiment, orders, theta, initial_conditions)
+    if experiment.complete:
+        return error_jacobian(experiment, orders, theta, initial_conditions, responses=responses)
+    return gapped_error_jacobian(experiment, orders, theta, initial_conditions)
 
 
 def _jacobian_beside_trend(
@@ -142,10 +148,10 @@ def _free_conditions_jacobian(
     orders: Orders,
     polynomials: SplitPolynomials,
     start: int,
-    transients: FloatArray,
+    response: "FreeResponse",
     roots: FloatArray | None = None,
 ) -> ErrorJacobian:
-    """Errors and Jacobian from `start` on, with the transients of free initial conditions projected out.
+    """Errors and Jacobian from `start` on, with the response to free initial conditions and a trend projected out.
 
     With w_j = B_j/F_j u_j and v = A y - sum_j w_j, the errors are eps = D/C v and their derivatives [Ljung1999, ch. 10]
 
@@ -169,23 +175,20 @@ def _free_conditions_jacobian(
     weighted_eps = eps if roots is None else roots * eps
     basis = None
     trend = np.zeros(orders.trend_terms)
-    free = transients
-    if orders.trend_terms:
-        terms = trend_terms(orders.trend, len(y))
-        free = _beside_trend(transients, terms, (a, c, d), start)
+    free = response.columns
     # a trend may vanish behind a root at one
-    if free.shape[1] and free.any():
+    if response.is_any:
         if roots is None:
-            basis, conditions = orthonormal(free, eps)
+            basis, conditions = response.basis.with_coefficients(eps)
         else:
             basis, conditions = orthonormal(free * roots[: len(free), None], weighted_eps)
             # the filters below take the errors themselves
             eps[: len(free)] -= free @ conditions
         _subtract_projection(basis, weighted_eps)
         if orders.trend_terms:
-            trend = conditions[transients.shape[1] :]
-            conditions = conditions[: transients.shape[1]]
-            of_trend = terms @ trend
+            trend = conditions[response.transients :]
+            conditions = conditions[: response.transients]
+            of_trend = trend_terms(orders.trend, len(y)) @ trend
             y = y - of_trend
             corrected = corrected - (_moving_average(a, of_trend) if orders.na else of_trend)[start:]
         # w and v with the fitted initial conditions of eps; those of 1/C come first
@@ -464,18 +467,94 @@ def _has_died_out(response: FloatArray, negligible: float) -> bool:
     return bool(size[-(len(size) // 4) :].max() <= negligible * size.max())
 
 
-def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Orthonormal basis of the transients until they have died out, and the coefficients of eps in them.
+@dataclass(frozen=True, eq=False)
+class OrthonormalBasis:
+    """Orthonormal basis of transients until they have died out; dependent ones (inputs with equal F) are dropped.
 
-    Dependent transients (inputs with equal F) are dropped.
+    Attributes:
+        columns: The basis (rows, k).
+        values: Singular values of the transients (k,).
+        right: Their right singular vectors (k, transients).
     """
-    size = np.abs(transients)
-    alive = np.flatnonzero(size.max(axis=1) > NEGLIGIBLE * size.max())
-    length = int(alive[-1]) + 1
-    left, values, right = np.linalg.svd(transients[:length], full_matrices=False)
-    kept = values > DEPENDENT_TRANSIENTS * values[0]
-    basis = left[:, kept]
-    return basis, right[kept].T @ ((basis.T @ eps[:length]) / values[kept])
+
+    columns: FloatArray
+    values: FloatArray
+    right: FloatArray
+
+    @staticmethod
+    def of(transients: FloatArray) -> "OrthonormalBasis":
+        """Basis of transients (rows, m)."""
+        size = np.abs(transients)
+        alive = np.flatnonzero(size.max(axis=1) > NEGLIGIBLE * size.max())
+        length = int(alive[-1]) + 1
+        left, values, right = np.linalg.svd(transients[:length], full_matrices=False)
+        kept = values > DEPENDENT_TRANSIENTS * values[0]
+        return OrthonormalBasis(left[:, kept], values[kept], right[kept])
+
+    def with_coefficients(self, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The basis, and the coefficients of errors (rows,) in the transients (m,)."""
+        return self.columns, self.right.T @ ((self.columns.T @ eps[: len(self.columns)]) / self.values)
+
+
+def orthonormal(transients: FloatArray, eps: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis of the transients until they have died out, and the coefficients of eps in them."""
+    return OrthonormalBasis.of(transients).with_coefficients(eps)
+
+
+@dataclass(frozen=True, eq=False)
+class FreeResponse:
+    """What free initial conditions and a trend cause in the errors of a record.
+
+    Attributes:
+        columns: The transients, then the errors that the terms of a trend cause (rows, k), until they have died out.
+        transients: Number of transients.
+    """
+
+    columns: FloatArray
+    transients: int
+
+    @cached_property
+    def is_any(self) -> bool:
+        """Whether there is any."""
+        return bool(self.columns.shape[1] and self.columns.any())
+
+    @cached_property
+    def basis(self) -> OrthonormalBasis:
+        """Basis of the columns, of which some are not zero."""
+        return OrthonormalBasis.of(self.columns)
+
+
+NO_RESPONSE = FreeResponse(np.zeros((0, 0)), 0)
+"""That of a record from rest."""
+
+
+class FreeResponses:
+    """Free responses at one set of parameters, computed once for all experiments of one length.
+
+    Attributes:
+        polynomials: The polynomials at these parameters.
+    """
+
+    def __init__(self, orders: Orders, theta: FloatArray) -> None:
+        self.polynomials = orders.split(theta)
+        self._orders = orders
+        self._by_length: dict[tuple[int, int], FreeResponse] = {}
+
+    def of(self, samples: int, start: int) -> FreeResponse:
+        """That of an experiment of so many samples whose errors begin at `start`."""
+        response = self._by_length.get((samples, start))
+        if response is None:
+            response = self._computed(samples, start)
+            self._by_length[samples, start] = response
+        return response
+
+    def _computed(self, samples: int, start: int) -> FreeResponse:
+        transients = free_transients(self._orders, self.polynomials, samples - start)
+        columns = transients
+        if self._orders.trend_terms:
+            a, _, c, d, _ = self.polynomials
+            columns = _beside_trend(transients, trend_terms(self._orders.trend, samples), (a, c, d), start)
+        return FreeResponse(columns, transients.shape[1])
 
 
 FIRST_RESPONSE = 64  # samples after which most responses have died out

@@ -15,7 +15,13 @@ import numpy as np
 import scipy
 
 from sysid.polynomial.correlation import autoregression
-from sysid.polynomial.error_jacobian import ErrorJacobian, error_jacobian, gapped_error_jacobian, jacobian_of_record
+from sysid.polynomial.error_jacobian import (
+    ErrorJacobian,
+    FreeResponses,
+    error_jacobian,
+    gapped_error_jacobian,
+    jacobian_of_record,
+)
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
 from sysid.polynomial.orders import Orders
@@ -301,7 +307,8 @@ def linearise(
     initial_conditions: InitialConditions = InitialConditions.ESTIMATED,
 ) -> Linearisation:
     """Criterion and exact first derivatives at parameters theta (p,)."""
-    jacobians = [jacobian_of_record(e, orders, theta, initial_conditions) for e in experiments]
+    responses = FreeResponses(orders, theta)
+    jacobians = [jacobian_of_record(e, orders, theta, initial_conditions, responses) for e in experiments]
     return linearisation_of(jacobians, theta)
 
 

@@ -7,7 +7,7 @@ from sysid import InitialConditions, IOData, armax, bj, oe, residuals
 from sysid.polynomial.error_jacobian import error_jacobian, free_transients
 from sysid.polynomial.gram_matrices import lagged_solution
 from sysid.polynomial.least_squares import solve
-from sysid.polynomial.orders import make_orders
+from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.prediction_error import InitialEstimate, admissible, linearise, minimise, search
 from sysid.polynomial.stability_limit import constrained_step
 from tests.refusals import refused
@@ -185,3 +185,20 @@ def test_a_limit_whose_slope_overflows_leaves_the_step_free():
     with np.errstate(all="ignore"):
         step = constrained_step(np.ones(2), np.array([2.0, 1.0]), rows, np.array([1.0, 1.0]))
     np.testing.assert_array_equal(step, [2.0, 1.0])
+
+
+@pytest.mark.parametrize("trend", [-1, 0, 1])
+def test_experiments_of_one_length_have_initial_conditions_of_their_own(trend):
+    rng = np.random.default_rng(8)
+    experiments = []
+    for samples in (80, 80, 120, 80):
+        u = rng.standard_normal(samples + 50)
+        y = lfilter([0.0, 0.5], [1.0, -0.9], u) + 0.1 * rng.standard_normal(samples + 50)
+        experiments.append(IOData(u[50:], y[50:], 1.0))
+    orders = Orders(0, (1,), 1, 1, (1,), (1,), trend)
+    theta = np.array([0.4, 0.3, -0.2, -0.8])
+    together = linearise(experiments, orders, theta)
+    apart = [linearise([experiment], orders, theta) for experiment in experiments]
+    assert together.cost == pytest.approx(sum(at.cost for at in apart), rel=1e-12)
+    assert together.gradient == pytest.approx(sum(at.gradient for at in apart), rel=1e-9)
+    assert together.transients == sum(at.transients for at in apart)
