@@ -529,7 +529,9 @@ NO_RESPONSE = FreeResponse(np.zeros((0, 0)), 0)
 
 
 class FreeResponses:
-    """Free responses at one set of parameters, computed once for all experiments of one length.
+    """Free responses at one set of parameters, computed once for experiments of one length in a row.
+
+    Those of all lengths would take more memory than the longest experiment.
 
     Attributes:
         polynomials: The polynomials at these parameters.
@@ -538,15 +540,14 @@ class FreeResponses:
     def __init__(self, orders: Orders, theta: FloatArray) -> None:
         self.polynomials = orders.split(theta)
         self._orders = orders
-        self._by_length: dict[tuple[int, int], FreeResponse] = {}
+        self._length = (0, 0)
+        self._response = NO_RESPONSE
 
     def of(self, samples: int, start: int) -> FreeResponse:
         """That of an experiment of so many samples whose errors begin at `start`."""
-        response = self._by_length.get((samples, start))
-        if response is None:
-            response = self._computed(samples, start)
-            self._by_length[samples, start] = response
-        return response
+        if self._length != (samples, start):
+            self._length, self._response = (samples, start), self._computed(samples, start)
+        return self._response
 
     def _computed(self, samples: int, start: int) -> FreeResponse:
         transients = free_transients(self._orders, self.polynomials, samples - start)
