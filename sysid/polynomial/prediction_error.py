@@ -400,7 +400,7 @@ def search(
         orders: The structure.
         start: A further initial estimate.
         smaller_too: Whether to try the structure with one degree less of everything, which does so in turn.
-        neighbours: Whether to try, beside it, those with one degree less of one polynomial.
+        neighbours: Whether to try, beside it, those with one degree less of one polynomial, and exchanged roots.
         thorough: Whether other initial estimates than the best one are refined too.
         max_iterations: Limit on the steps of every search.
         initial_conditions: Assumption about the time before each experiment.
@@ -436,7 +436,7 @@ def search(
         if not best.converged and best.iterations < max_iterations:
             best = refine(best.at)
 
-    if orders.na and any(orders.nf) and thorough and not noise_free:
+    if orders.na and any(orders.nf) and neighbours and thorough and not noise_free:
         best, chosen = _best_of_exchanges(refine, best, chosen)
     costs = {name: minimum.at.cost for name, minimum in screened.items()}
     costs.setdefault(chosen, best.at.cost)
