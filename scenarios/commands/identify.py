@@ -69,8 +69,9 @@ def identify(
     Without --method and --orders it chooses: delay, structure (arx, armax, oe, bj; state space for several outputs) and
     orders, and prints the candidates and the reason; with --method alone, the delay and the orders of arx, armax, oe,
     bj, tfest, procest or impulseest. The last quarter of the record, of several the longest, then judges the model,
-    unless --validate names another or --held-out another part. The verdict calls no model sufficient whose simulated
-    fit is below 50 %.
+    and the chosen orders are then estimated from all samples; unless --validate names another record, or --held-out
+    another part, from which nothing is estimated. The verdict calls no model sufficient whose simulated fit is below
+    50 %.
 
     Methods and their orders: {methods_with_orders}. nk = 1 (the default) means that y(t) depends on u(t-1) first; p = 5
     (the default) is the number of observer Markov parameters. The delay of tfest is estimated, or known in samples;

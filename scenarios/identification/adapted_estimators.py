@@ -11,15 +11,18 @@ from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.subspace import markov_parameters
 
 
-def pem_from_n4sid(data: IOData | Sequence[IOData], order: int, *, direct: bool = True) -> Estimate:
+def pem_from_n4sid(
+    data: IOData | Sequence[IOData], order: int, *, direct: bool = True, start: Estimate | None = None
+) -> Estimate:
     """Estimate a state-space model by prediction error, starting from the subspace estimate.
 
     Args:
         data: One experiment, or several that share the model.
         order: Number of states.
         direct: Whether D is estimated.
+        start: Model near the answer, at which the search begins instead.
     """
-    return sysid.pem_ss(data, sysid.n4sid(data, order, direct=direct), direct=direct)
+    return sysid.pem_ss(data, start or sysid.n4sid(data, order, direct=direct), direct=direct)
 
 
 def era_of_record(data: IOData, order: int, pulses: int) -> StateSpace:

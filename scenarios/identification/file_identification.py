@@ -49,7 +49,7 @@ class FileIdentification:
         fitted, trend = self.result.fitted, self.choice.candidates[0].trend_options
         options: dict[str, object] = {"method": fitted.estimate.method, "orders": tuple(fitted.orders.values())}
         options |= {name: True for name in trend}
-        if self.held_out:
+        if self.held_out and not self.result.is_estimated_again:
             options["held_out"] = self.held_out
         return options
 
@@ -136,7 +136,7 @@ def identify_files(
         pieces: list[IOData] = []
         for path in data:
             pieces += _named_apart(usable(read(path, joint=joint, test=test), skip, path, test), path, data)
-        records = one_interval(pieces)
+        records = whole = one_interval(pieces)
         check: tuple[IOData, ...] | None = None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
@@ -150,6 +150,7 @@ def identify_files(
                     f"--held-out {share:g} given for {samples} samples in one piece, expected {SHORTEST} or more with "
                     "an input that moves at the end"
                 )
+        is_held_out = validate is None and check is not None
         choice: StructureChoice | None = None
         # Without orders, the method alone limits the choice.
         if orders and method is not None:
@@ -174,14 +175,15 @@ def identify_files(
                 steps=steps,
                 check=check,
                 continued=validate is None,
+                # a part that was asked for explicitly has no influence on the model
+                whole=whole if is_held_out and held_out is None else None,
             )
     title = f"{result.fitted.estimate.method.upper()} from {listed([path.name for path in data])}"
     if validate is not None:
         title += f", fits to {validate.name}"
     elif check:
-        title += f", fits to {_held_out_in_words(check[0], data)}"
+        title += f", fits to {_held_out_in_words(check[0], data, is_estimated_again=result.is_estimated_again)}"
     messages = tuple(str(warning.message) for warning in caught)
-    is_held_out = validate is None and check is not None
     if check is None and share > 0.0 and max(map(len, records)) >= SHORTEST:
         messages = (*messages, STEADY_END)
     return FileIdentification(
@@ -210,11 +212,15 @@ def _held_out_share(orders: Sequence[int | str], held_out: float | None, validat
     return share
 
 
-def _held_out_in_words(held_out: IOData, data: Sequence[Path]) -> str:
+def _held_out_in_words(held_out: IOData, data: Sequence[Path], *, is_estimated_again: bool) -> str:
+    """Which part judges the model, and whether the model was estimated from it afterwards."""
     names = [path.name for path in data if held_out.name in (path.stem, f"{path.parent}/{path.stem}")]
     name = names[0] if names else held_out.name or data[0].name
     start, end = held_out.start + held_out.window * held_out.dt, held_out.start + len(held_out) * held_out.dt
-    return f"{name} {start:.6g} to {end:.6g} s, held out: the model is not estimated from them"
+    part = f"{name} {start:.6g} to {end:.6g} s, held out"
+    if is_estimated_again:
+        return f"{part}; the chosen orders are then estimated from all samples"
+    return f"{part}: the model is not estimated from them"
 
 
 _PARAMETERS = inspect.signature(identify_files).parameters.values()

@@ -1,13 +1,13 @@
 """Identification of a model from records: estimate, operating point, bandwidth claims, fits and residual test."""
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -71,6 +71,8 @@ class Identification:
 
     Attributes:
         fitted: The model.
+        judged: The model behind `fit` and `test`: `fitted` itself, or one of the same orders estimated without
+            `checked`, where `fitted` is of all samples.
         checked: The records that it is judged on: its own, or others.
         fit: Fits to `checked`.
         test: Residual test on `checked`; None where it cannot be made.
@@ -86,6 +88,7 @@ class Identification:
     """
 
     fitted: FittedModel
+    judged: FittedModel
     checked: tuple[IOData, ...]
     fit: ModelFit
     test: ResidualTest | None
@@ -97,6 +100,11 @@ class Identification:
     nonlinearity: NonlinearityTest | None = None
     baseline: CommandBaseline | None = None
     agreement: RunAgreement | None = None
+
+    @property
+    def is_estimated_again(self) -> bool:
+        """Whether the model was estimated again, from all samples, after one of the same orders had been judged."""
+        return self.fitted is not self.judged
 
     @property
     def nonlinear(self) -> tuple[int, ...]:
@@ -176,6 +184,7 @@ def fit_model(
     check: Sequence[IOData] | None = None,
     trend: Mapping[str, bool] | None = None,
     found: Estimate | None = None,
+    near: Estimate | None = None,
 ) -> FittedModel:
     """Estimate a model with its operating point, and weigh its bandwidths against the records.
 
@@ -189,6 +198,7 @@ def fit_model(
             estimated in turns with the model, beside `keep_mean` none.
         found: The model where it is known from a choice of orders on the same records about their means; None
             estimates it.
+        near: A model of the same orders of almost the same records, at which searches begin; None without one.
 
     Raises:
         ScenarioError: Unknown method, wrong orders, several outputs for a method that takes one, a trend for a method
@@ -200,9 +210,8 @@ def fit_model(
         several = ", ".join(name for name, estimator in ESTIMATORS.items() if estimator.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
     run = partial(estimate, method=method, orders=orders)
-    if found is not None and found.polynomials is not None and method not in ("arx", "impulseest"):
-        # searches about other operating points begin there
-        run = partial(run, start=found.polynomials)
+    # searches about other operating points, or of more samples, begin there
+    run = partial(run, **_start(method, found or near))
     with warnings.catch_warnings():
         # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
@@ -223,6 +232,15 @@ def fit_model(
             claim = partial(bandwidth_claim, model, longest, output=i, band=band, judged=check or ())
             claims.append(tuple(claim(input=j) for j in range(first.nu)))
     return FittedModel(model, ESTIMATORS[method].complete(orders), used, band, tuple(claims))
+
+
+def _start(method: str, near: Estimate | None) -> dict[str, Any]:
+    """The option that begins the search of an estimator at a model; empty for those that do not search."""
+    if near is None or "start" not in signature(ESTIMATORS[method].function).parameters:
+        return {}
+    if isinstance(near, ContinuousEstimate):
+        return {"start": near.parameters}
+    return {"start": near if near.polynomials is None else near.polynomials}
 
 
 def _operating_point_options(
@@ -271,6 +289,7 @@ def identify(
     steps: int = 1,
     check: Sequence[IOData] | None = None,
     continued: bool = False,
+    whole: Sequence[IOData] | None = None,
 ) -> Identification:
     """Fit a model and judge it on records.
 
@@ -285,29 +304,34 @@ def identify(
         check: Records to judge on; `records` when None.
         continued: Whether these continue the records, so that the operating point of the model is theirs too: of other
             records its dynamics tell one.
+        whole: Records of which `records` and `check` are parts, from which the model is estimated again after it was
+            judged, as every sample makes it more accurate; None leaves it as it was judged.
 
     Raises:
         ScenarioError: See `fit_model`.
         SysidError: The estimator refuses the records.
     """
-    fitted = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, found=found, check=check)
+    judged = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, found=found, check=check)
+    fitted = judged
+    if whole is not None:
+        fitted = _of_all_samples(judged, whole, partial(fit_model, keep_mean=keep_mean, trend=trend))
     keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)
-        if check is not None and continued and fitted.estimate.operating_point is not None:
-            checked = _about_continued_points(fitted, records, checked)
+        if check is not None and continued and judged.estimate.operating_point is not None:
+            checked = _about_continued_points(judged, records, checked)
         elif trend:
-            checked = fitted.parts if check is None else _about_own_trends(fitted.estimate, checked, trend)
+            checked = judged.parts if check is None else _about_own_trends(judged.estimate, checked, trend)
         elif not keep_mean:
             # Records to judge on have an operating point of their own, which the model's dynamics tell.
             checked = subtract_means(checked)
-            offsets, _, _ = unexplained_offsets(fitted.estimate.model, checked)
+            offsets, _, _ = unexplained_offsets(judged.estimate.model, checked)
             checked = tuple(record.subtract(y=offset) for record, offset in zip(checked, offsets, strict=True))
-        (fit,) = sysid.compare({method: fitted.estimate}, checked, steps=steps)
+        (fit,) = sysid.compare({method: judged.estimate}, checked, steps=steps)
         test, untested = None, ""
         try:
-            test = sysid.resid(fitted.estimate, checked)
+            test = sysid.resid(judged.estimate, checked)
         # Without a test, the simulated fit alone gives the verdict.
         except SysidError as error:
             untested = str(error)
@@ -316,6 +340,7 @@ def identify(
     remarks = _remarks(fitted, judged_on_own_records=check is None)
     return Identification(
         fitted,
+        judged,
         checked,
         fit,
         test,
@@ -323,9 +348,19 @@ def identify(
         remarks,
         rounded=_rounded(records, test),
         nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
-        baseline=command_baseline(fitted.parts, checked),
+        baseline=command_baseline(judged.parts, checked),
         agreement=agreement,
     )
+
+
+def _of_all_samples(judged: FittedModel, whole: Sequence[IOData], fit: Callable[..., FittedModel]) -> FittedModel:
+    """A judged model estimated again from all samples; as it was where they give none that is stable like it."""
+    model = judged.estimate
+    try:
+        again = fit(whole, model.method, tuple(judged.orders.values()), near=model)
+    except SysidError:
+        return judged
+    return again if again.estimate.model.input_path().is_stable() == model.model.input_path().is_stable() else judged
 
 
 def _about_own_trends(model: Estimate, records: Sequence[IOData], trend: Mapping[str, bool]) -> tuple[IOData, ...]:

@@ -37,6 +37,7 @@ def choose_and_identify(
     steps: int = 1,
     check: Sequence[IOData] | None = None,
     continued: bool = False,
+    whole: Sequence[IOData] | None = None,
 ) -> tuple[Identification, StructureChoice]:
     """Choose structure, delay and orders, fit the model with its operating point, and judge it.
 
@@ -49,6 +50,8 @@ def choose_and_identify(
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
         continued: Whether these continue the records.
+        whole: Records of which `records` and `check` are parts, from which the model is estimated again after it was
+            judged; None leaves it as it was judged.
 
     Raises:
         ScenarioError: An unknown method, or one whose orders are not chosen.
@@ -73,6 +76,7 @@ def choose_and_identify(
             steps=steps,
             check=check,
             continued=continued,
+            whole=whole,
         )
     return replace(result, cautions=choice.cautions, disagreement=choice.disagreement), choice
 

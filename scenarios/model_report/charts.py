@@ -105,10 +105,12 @@ def _outputs(result: Identification, style: Style) -> LabelledChart:
     for name, part in parts.items():
         for i, output in enumerate(record.output_names or ()):
             views[name, output] = _output_panels(record.y[part, i], fit.simulated[part, i], record, i, part, style)
-    where = (
-        "that it was not estimated from" if checked[0] is not result.fitted.parts[0] else "that it was estimated from"
-    )
-    caption = f"Output about its operating point on the record {where}, and what the model leaves of it."
+    where, model = "that it was estimated from", "the model"
+    if checked[0] is not result.judged.parts[0]:
+        where = "that it was not estimated from"
+    if result.is_estimated_again:
+        where, model = "held out", "a model of the chosen orders, estimated without it,"
+    caption = f"Output about its operating point on the record {where}, and what {model} leaves of it."
     return LabelledChart("Measured and simulated output", caption, Chart(views, ("Show", "Output"), height=220))
 
 

@@ -278,7 +278,9 @@ def answered(records: tuple[IOData, ...], method: str | None) -> Identification:
         warnings.simplefilter("ignore")
         named = tuple(replace(record, name=record.name or "record") for record in records)
         to_estimate, check = hold_out(named)
-        result, _ = choose_and_identify(to_estimate, method, check=check, continued=True)
+        result, _ = choose_and_identify(
+            to_estimate, method, check=check, continued=True, whole=named if check else None
+        )
     return result
 
 

@@ -107,8 +107,14 @@ def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, pri
     path = table(tmp_path / "auto.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
     output = result("identify", path)
     assert (output["method"], output["orders"]) == ("oe", {"nb": 1, "nf": 1, "nk": 2})
-    assert output["samples"] == 1200 and output["choice"]["candidates"][0]["ebic"] == 0.0
+    assert output["samples"] == 1600 and output["choice"]["candidates"][0]["ebic"] == 0.0
     assert output["fit"]["simulation"][0] > 90.0
+    # the chosen orders are estimated from all samples, unless a part is held out explicitly
+    whole = result("identify", path, "--method", "oe", "--orders", 1, 1, 2)
+    assert output["dc_gain"] == pytest.approx(whole["dc_gain"], rel=1e-4)
+    held_out = result("identify", path, "--held-out", 0.25)
+    assert held_out["samples"] == 1200 and held_out["dc_gain"] != pytest.approx(whole["dc_gain"], rel=1e-6)
+    assert held_out["fit"]["simulation"] == pytest.approx(output["fit"]["simulation"])
     shown = printed("identify", path, "--method", "arx", "--validate", path)
     assert "ARX from auto.csv, fits to auto.csv" in shown and "Candidates, the best 8 of" in shown
     assert "sufficient" in next(line for line in shown.splitlines() if line.strip().startswith("verdict"))

@@ -16,8 +16,11 @@ from tests.benchmarks.nonlinear_joints import joint
 def identified(record, method=None):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        to_estimate, check = hold_out((replace(record, name="record"),))
-        result, _ = choose_and_identify(to_estimate, method, check=check, continued=True)
+        whole = (replace(record, name="record"),)
+        to_estimate, check = hold_out(whole)
+        result, _ = choose_and_identify(
+            to_estimate, method, check=check, continued=True, whole=whole if check else None
+        )
     return result
 
 

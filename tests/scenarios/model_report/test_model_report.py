@@ -87,16 +87,21 @@ def test_the_page_is_complete_and_its_command_gives_the_same_model(record, tmp_p
     # the printed line goes on with the same model
     line = next(line for line in printed.splitlines() if line.startswith("next: "))
     _, program, *again = shlex.split(line)
-    assert program == "hmtb" and "--held-out" in again
+    assert program == "hmtb" and "--held-out" not in again
     again[again.index("--save") + 1] = str(tmp_path / "again.json")
     assert main([*again, "--json"]) == 0
     second = json.loads(capsys.readouterr().out)
+    assert main([*again, "--held-out", "0.25", "--overwrite", "--json"]) == 0
+    held_out = json.loads(capsys.readouterr().out)
     assert main([*words[:2], *words[4:], "--json"]) == 0
     first = json.loads(capsys.readouterr().out)
     assert second["method"] == first["method"] and second["orders"] == first["orders"]
     assert second["dc_gain"] == pytest.approx(first["dc_gain"], rel=1e-3)
     assert second["bandwidth_hz"] == pytest.approx(first["bandwidth_hz"], rel=1e-3)
-    assert second["fit"]["simulation"] == pytest.approx(first["fit"]["simulation"], abs=0.01)
+    # the model is of all samples, its fits are those of a model that did not see the last quarter
+    assert second["samples"] == first["samples"] > held_out["samples"]
+    assert held_out["fit"]["simulation"] == pytest.approx(first["fit"]["simulation"], abs=0.01)
+    assert held_out["dc_gain"] != pytest.approx(first["dc_gain"], rel=1e-6)
     # Python gives what the command gives, and so does the call on the page
     found = identify_files([record], method=method)
     assert found.result.fit.simulation.tolist() == first["fit"]["simulation"]
