@@ -436,24 +436,23 @@ def search(
         if not best.converged and best.iterations < max_iterations:
             best = refine(best.at)
 
+    costs = {name: minimum.at.cost for name, minimum in screened.items()}
+    ambiguous = difficult or (refine.samples < SHORT * orders.count and not noise_free)
+    if smaller_too and ambiguous and start is None:
+        minima = _smaller_minima(
+            partial(search, experiments, initial_estimates, thorough=thorough, initial_conditions=initial_conditions),
+            orders,
+            max_iterations,
+            neighbours=neighbours,
+        )
+        for less, below in minima:
+            if below.best.at.cost < best.at.cost:
+                best = refine(orders.parameters(less.polynomials(below.best.at.theta)))
+                chosen = f"padded from {less.count} parameters, {below.start}"
+                costs[chosen] = best.at.cost
     if orders.na and any(orders.nf) and neighbours and thorough and not noise_free:
         best, chosen = _best_of_exchanges(refine, best, chosen)
-    costs = {name: minimum.at.cost for name, minimum in screened.items()}
-    costs.setdefault(chosen, best.at.cost)
-    ambiguous = difficult or (refine.samples < SHORT * orders.count and not noise_free)
-    if not (smaller_too and ambiguous and start is None):
-        return Search(best, costs, chosen)
-    minima = _smaller_minima(
-        partial(search, experiments, initial_estimates, thorough=thorough, initial_conditions=initial_conditions),
-        orders,
-        max_iterations,
-        neighbours=neighbours,
-    )
-    for less, below in minima:
-        if below.best.at.cost < best.at.cost:
-            best = refine(orders.parameters(less.polynomials(below.best.at.theta)))
-            chosen = f"padded from {less.count} parameters, {below.start}"
-            costs[chosen] = best.at.cost
+        costs.setdefault(chosen, best.at.cost)
     return Search(best, costs, chosen)
 
 
