@@ -55,6 +55,7 @@ def identify(
     keep_mean: bool = False,
     offset: bool = False,
     trend: bool = False,
+    weighting: Annotated[tuple[int, ...], tyro.conf.arg(metavar="[NC ND]")] = (),
     steps: int = 1,
     held_out: float | None = None,
     validate: Path | None = None,
@@ -115,6 +116,8 @@ def identify(
             default it is estimated in turns with the model.
         trend: Fit a straight line in the output together with the parameters: a drift. Where orders are chosen, a line
             is tried without this option too.
+        weighting: Weight the errors of oe by a model C/D of the disturbance with these degrees, which is estimated
+            beside the path and left out of the model. Where orders of oe are chosen, it is chosen with them.
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
         held_out: Part of the record, its end, on which fits and residual test are computed and from which nothing is
             estimated, 0 to 0.9.
@@ -158,6 +161,7 @@ def identify(
             keep_mean=keep_mean,
             offset=offset,
             trend=trend,
+            weighting=weighting,
             steps=steps,
             held_out=held_out,
             validate=validate,

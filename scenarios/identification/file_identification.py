@@ -13,6 +13,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.identification.identification import Identification, identify, usable
 from scenarios.identification.order_choice import HELD_OUT, SHORTEST, choose_and_identify, hold_out
 from sysid import IOData, StructureChoice
+from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.channels import listed
 from sysid.records.importers import one_interval
 
@@ -49,6 +50,8 @@ class FileIdentification:
         fitted, trend = self.result.fitted, self.choice.candidates[0].trend_options
         options: dict[str, object] = {"method": fitted.estimate.method, "orders": tuple(fitted.orders.values())}
         options |= {name: True for name in trend}
+        if fitted.weighting is not None:
+            options["weighting"] = fitted.weighting
         if self.held_out and not self.result.is_estimated_again:
             options["held_out"] = self.held_out
         return options
@@ -83,6 +86,7 @@ def identify_files(
     keep_mean: bool = False,
     offset: bool = False,
     trend: bool = False,
+    weighting: tuple[int, ...] = (),
     steps: int = 1,
     held_out: float | None = None,
     validate: Path | None = None,
@@ -106,6 +110,8 @@ def identify_files(
         keep_mean: Whether to use the values as they are, without an operating point.
         offset: Whether to fit a constant of the output together with the parameters.
         trend: Whether to fit a straight line likewise.
+        weighting: Of oe with orders the degrees nc and nd of a model of the disturbance that weights its errors; none
+            where they count alike.
         steps: Horizon of a further prediction, samples.
         held_out: Part of the longest record, its end, that judges the model instead of taking part in the estimate;
             a quarter when None and something is chosen, else nothing.
@@ -128,6 +134,7 @@ def identify_files(
             f"--keep-mean and {'--trend' if trend else '--offset'} given; expected one: the values as they are, or "
             "about an operating point"
         )
+    degrees = _checked_weighting(weighting, orders)
     share = _held_out_share(orders, held_out, validate)
     # Remarks of the readers belong to the result, for the command line and the page alike.
     with python_warnings.catch_warnings(record=True) as caught:
@@ -161,6 +168,7 @@ def identify_files(
                 orders,
                 keep_mean=keep_mean,
                 trend=asked,
+                weighting=degrees,
                 steps=steps,
                 check=check,
                 continued=validate is None,
@@ -197,6 +205,19 @@ def _named_apart(records: Sequence[IOData], path: Path, data: Sequence[Path]) ->
     if len(same_names) < 2:
         return list(records)
     return [replace(record, name=f"{path.parent}/{record.name}") for record in records]
+
+
+def _checked_weighting(weighting: Sequence[int], orders: Sequence[int | str]) -> tuple[int, int]:
+    """Degrees of C and D of the model of the disturbance that weights the errors; zeros without one."""
+    if not weighting:
+        return UNWEIGHTED
+    shown = " ".join(map(str, weighting))
+    if not orders:
+        raise ScenarioError(f"--weighting {shown} given without --orders; it is chosen with them")
+    if len(weighting) != 2:
+        raise ScenarioError(f"--weighting {shown} given, expected two degrees NC ND of a model C/D of the disturbance")
+    nc, nd = weighting
+    return nc, nd
 
 
 def _held_out_share(orders: Sequence[int | str], held_out: float | None, validate: Path | None) -> float:

@@ -25,6 +25,7 @@ from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, un
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import trends_of_outputs
 from sysid.polynomial.trends import subtract_lines, trend_degree
+from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
@@ -63,6 +64,12 @@ class FittedModel:
     parts: tuple[IOData, ...]
     band: Bandwidth
     claims: tuple[tuple[BandwidthClaim, ...], ...]
+
+    @property
+    def weighting(self) -> tuple[int, int] | None:
+        """Degrees of C and D of the model of the disturbance that weighted the errors; None if all count alike."""
+        beside = self.estimate.diagnostics.get("weighting")
+        return None if beside is None else (len(beside.C) - 1, len(beside.D) - 1)
 
 
 @dataclass(frozen=True)
@@ -152,6 +159,7 @@ class Identification:
         point = model.operating_point
         return {
             "orders": fitted.orders,
+            "weighting": fitted.weighting and list(fitted.weighting),
             "inputs": first.input_names,
             "outputs": first.output_names,
             "fit": {name: getattr(fit, name) for name in ("simulation", "one_step", "steps", "ahead")},
@@ -183,6 +191,7 @@ def fit_model(
     keep_mean: bool = False,
     check: Sequence[IOData] | None = None,
     trend: Mapping[str, bool] | None = None,
+    weighting: tuple[int, int] = UNWEIGHTED,
     found: Estimate | None = None,
     near: Estimate | None = None,
 ) -> FittedModel:
@@ -196,6 +205,7 @@ def fit_model(
         check: Records that judge the model; None if these do.
         trend: Options of the estimator for a constant or a straight line in the output; without them a constant is
             estimated in turns with the model, beside `keep_mean` none.
+        weighting: Of oe the degrees of C and D of the model of the disturbance that weights its errors.
         found: The model where it is known from a choice of orders on the same records about their means; None
             estimates it.
         near: A model of the same orders of almost the same records, at which searches begin; None without one.
@@ -209,13 +219,18 @@ def fit_model(
     if method in ESTIMATORS and first.ny > 1 and not ESTIMATORS[method].outputs:
         several = ", ".join(name for name, estimator in ESTIMATORS.items() if estimator.outputs)
         raise ScenarioError(f"{method} takes one output, given {first.ny}; for several there are: {several}")
-    run = partial(estimate, method=method, orders=orders)
+    run = partial(estimate, method=method, orders=orders, **_weighting_option(method, weighting))
     # searches about other operating points, or of more samples, begin there
     run = partial(run, **_start(method, found or near))
     with warnings.catch_warnings():
         # The remarks of `Identification` repeat them in the words of the command line.
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend)
+        if any(weighting) and not trend:
+            # the constant that such a model is estimated with is another one than that of its own errors
+            found = None
+        keep_mean, trend = _operating_point_options(
+            method, orders, keep_mean=keep_mean, trend=trend, weighting=weighting
+        )
         if trend:
             _check_trend(method, trend)
             shifted = subtract_means(records)
@@ -243,17 +258,39 @@ def _start(method: str, near: Estimate | None) -> dict[str, Any]:
     return {"start": near if near.polynomials is None else near.polynomials}
 
 
+def _weighting_option(method: str, weighting: tuple[int, int]) -> dict[str, Any]:
+    """The option of the estimator that weights its errors; empty without one.
+
+    Raises:
+        ScenarioError: A weighting for another method than oe.
+    """
+    if not any(weighting):
+        return {}
+    if method != "oe":
+        raise ScenarioError(
+            f"--weighting {' '.join(map(str, weighting))} given with --method {method}; expected --method oe"
+        )
+    return {"weighting": weighting}
+
+
 def _operating_point_options(
-    method: str, orders: Sequence[Order | str], *, keep_mean: bool, trend: Mapping[str, bool] | None
+    method: str,
+    orders: Sequence[Order | str],
+    *,
+    keep_mean: bool,
+    trend: Mapping[str, bool] | None,
+    weighting: tuple[int, int] = UNWEIGHTED,
 ) -> tuple[bool, Mapping[str, bool] | None]:
     """Whether a method takes the values as they are, and its options for the output's trend.
 
-    Continuous-time models have the constant of the output among their unknowns. Integrators have it in their state:
-    the mean of the input is no operating point of theirs, it would put a ramp into the output.
+    Continuous-time models, and those with weighted errors, have the constant of the output among their unknowns.
+    Integrators have it in their state: the mean of the input is no operating point of theirs, it would put a ramp into
+    the output.
     """
     if method == "procest" and any(map(integrates, orders)):
         return True, None
-    if method in ("tfest", "procest") and not keep_mean and not trend:
+    has_own_constant = method in ("tfest", "procest") or any(weighting)
+    if has_own_constant and not keep_mean and not trend:
         return False, {"offset": True}
     return keep_mean, trend
 
@@ -285,6 +322,7 @@ def identify(
     *,
     keep_mean: bool = False,
     trend: Mapping[str, bool] | None = None,
+    weighting: tuple[int, int] = UNWEIGHTED,
     found: Estimate | None = None,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
@@ -299,6 +337,7 @@ def identify(
         orders: Its orders.
         keep_mean: Whether to take values as they are, without an operating point.
         trend: Options of the estimator for a constant or a straight line in the output, as in `fit_model`.
+        weighting: Of oe the degrees of C and D of the model of the disturbance that weights its errors.
         found: The model where it is known, likewise.
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
@@ -311,11 +350,11 @@ def identify(
         ScenarioError: See `fit_model`.
         SysidError: The estimator refuses the records.
     """
-    judged = fit_model(records, method, orders, keep_mean=keep_mean, trend=trend, found=found, check=check)
-    fitted = judged
+    fit = partial(fit_model, keep_mean=keep_mean, trend=trend, weighting=weighting)
+    fitted = judged = fit(records, method, orders, found=found, check=check)
     if whole is not None:
-        fitted = _of_all_samples(judged, whole, partial(fit_model, keep_mean=keep_mean, trend=trend))
-    keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend)
+        fitted = _of_all_samples(judged, whole, fit)
+    keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend, weighting=weighting)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         checked = tuple(check or records)
@@ -328,21 +367,21 @@ def identify(
             checked = subtract_means(checked)
             offsets, _, _ = unexplained_offsets(judged.estimate.model, checked)
             checked = tuple(record.subtract(y=offset) for record, offset in zip(checked, offsets, strict=True))
-        (fit,) = sysid.compare({method: judged.estimate}, checked, steps=steps)
+        (fit_to_checked,) = sysid.compare({method: judged.estimate}, checked, steps=steps)
         test, untested = None, ""
         try:
             test = sysid.resid(judged.estimate, checked)
         # Without a test, the simulated fit alone gives the verdict.
         except SysidError as error:
             untested = str(error)
-        run = partial(estimate, method=method, orders=orders)
+        run = partial(estimate, method=method, orders=orders, **_weighting_option(method, weighting))
         agreement = run_agreement(fitted.estimate, fitted.parts, run)
     remarks = _remarks(fitted, judged_on_own_records=check is None)
     return Identification(
         fitted,
         judged,
         checked,
-        fit,
+        fit_to_checked,
         test,
         untested,
         remarks,

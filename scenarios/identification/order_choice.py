@@ -72,6 +72,7 @@ def choose_and_identify(
             *_chosen(choice),
             keep_mean=keep_mean,
             trend=choice.candidates[0].trend_options,
+            weighting=choice.candidates[0].weighting,
             found=choice.estimate,
             steps=steps,
             check=check,

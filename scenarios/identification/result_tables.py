@@ -309,6 +309,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
     unit = " rad" if joints_of(first) else ""
     return [
         ("orders", ", ".join(f"{name} {value}" for name, value in fitted.orders.items())),
+        *_weighting_rows(fitted),
         ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
         *_operating_point_rows(fitted, unit),
         *_fit_rows(result.fit, first.output_names or ()),
@@ -319,6 +320,13 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         *_residual_rows(result.test, result.untested),
         *_nonlinearity_rows(result),
     ]
+
+
+def _weighting_rows(fitted: FittedModel) -> list[tuple[str, str]]:
+    if fitted.weighting is None:
+        return []
+    nc, nd = fitted.weighting
+    return [("errors", f"weighted by a model C/D of the disturbance, degrees {nc} and {nd}: not in the model")]
 
 
 def _operating_point_rows(fitted: FittedModel, unit: str) -> list[tuple[str, str]]:

@@ -11,7 +11,9 @@ from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import orders_apart
 from sysid.polynomial.polynomial_estimate import prediction_error_estimate
 from sysid.polynomial.response_fits import oe_of_response
+from sysid.polynomial.weighted_output_errors import UNWEIGHTED, checked_weighting, weighted_oe
 from sysid.records.data import IOData
+from sysid.records.errors import SysidError
 
 
 @orders_apart
@@ -30,6 +32,7 @@ def oe(
     error_threshold: float = 0.0,
     fixed: FixedRows | None = None,
     focus: Focus = "prediction",
+    weighting: Sequence[int] = UNWEIGHTED,
 ) -> Estimate:
     """Fit y = B(q)/F(q) u + e by minimising the simulation error [Ljung1999, sec. 4.2, ch. 10].
 
@@ -66,9 +69,15 @@ def oe(
         focus: "prediction", "simulation" (here the same), or a band
             (low, high) in Hz: inputs and outputs then pass the same Butterworth filter, whose transients do not count.
             The noise model and its variance are those of the filtered record.
+        weighting: Degrees (nc, nd) of a model C/D of the disturbance that is estimated beside the path and left out of
+            the result: D/C whitens the errors, so that frequencies at which the disturbance is strong count less
+            [Ljung1999, sec. 14.4]. The path is then that of `bj`, with its accuracy: beside a slow sine of 10 dB less
+            power the gain deviates by 1 % instead of 12 % at 400 samples. (0, 0) counts all errors alike: right where
+            the structure is too simple, and the best simulation is wanted. `coloured` has no effect beside it.
 
     Returns:
-        The estimate; parameters b1.., f1...
+        The estimate; parameters b1.., f1... Diagnostics: with a weighting, `weighting` is the model of path and
+        disturbance.
 
     Raises:
         SysidError: Constant input, several outputs, orders negative or too many for the data, a start that
@@ -85,12 +94,20 @@ def oe(
         }
         options |= {"trend": (trend, False), "error_threshold": (error_threshold, 0.0), "fixed": (fixed, None)}
         options["initial_conditions"] = (InitialConditions.of(initial_conditions), InitialConditions.ESTIMATED)
-        options["focus"] = (focus, "prediction")
+        options |= {"focus": (focus, "prediction"), "weighting": (tuple(weighting), UNWEIGHTED)}
         return oe_of_response(data, nb, nf, nk, max_iterations, options)
+    path = {"nb": nb, "nf": nf, "nk": nk}
+    degrees = checked_weighting(weighting)
+    if degrees != UNWEIGHTED:
+        if focus == "simulation":
+            raise SysidError("focus='simulation' counts all errors alike: expected weighting=(0, 0) beside it")
+        bj_options = {"start": start, "max_iterations": max_iterations, "initial_conditions": initial_conditions}
+        bj_options |= {"offset": offset, "trend": trend, "error_threshold": error_threshold, "fixed": fixed}
+        return weighted_oe(data, path, degrees, {**bj_options, "focus": focus})
     return prediction_error_estimate(
         "oe",
         data,
-        {"nb": nb, "nf": nf, "nk": nk},
+        path,
         start=start,
         max_iterations=max_iterations,
         coloured=coloured,

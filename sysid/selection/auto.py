@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from enum import auto as auto_value
 from typing import Any
@@ -15,6 +15,7 @@ from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
 from sysid.polynomial.trends import LINE, OFFSET, best_degree, level
+from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
@@ -123,6 +124,9 @@ def auto(
     part, which only a white disturbance would leave unbiased. A held input has no direct term either: one is tried only
     on data without noise, or if asked for.
 
+    Where oe is asked for alone, the model of the disturbance that the criterion would add weights its errors
+    (`weighting=` of `oe`), unless the residuals object to the path.
+
     The criterion is the extended BIC [ChenChen2008] on the same samples for all, which counts the initial states, or
     the error of the simulated validation outputs where there are such data. Modes with a time constant above a third
     of the record are of the model only if the input drives them: else they follow a disturbance. A pole outside the
@@ -188,6 +192,10 @@ def auto(
         reason = _reason_of_simulation(climb, ranking, ranked, sum(map(len, experiments)))
         ranked = _with_first(ranking.candidate, ranked)
     else:
+        if objection is Objection.NONE and climb.beside_noise is not None:
+            weighted = _weighted(ranked[0], climb.beside_noise)
+            if weighted != ranked[0]:
+                ranked, fit = (weighted, *ranked[1:]), None
         reason = _reason(climb.search, ranked, climb.delays, sum(map(len, experiments)))
         if loop.is_closed:
             reason += _reason_of_feedback(without_trend, loop, any_method=methods is None)
@@ -207,7 +215,7 @@ def auto(
         samples=climb.search.samples,
         reason="; ".join((reason, *cautions)),
         cautions=cautions,
-        disagreement=climb.search.disagreement(ranked),
+        disagreement=climb.search.disagreement(ranked) if ranked[0].weighting == UNWEIGHTED else climb.disagreement,
     )
 
 
@@ -258,12 +266,14 @@ class Climb:
         delays: Delay of each input at which it began.
         estimate_of_delays: What they come from; None where the data are too few.
         beside_noise: Best candidate with a model of the noise, where output-error models alone are asked for.
+        disagreement: Likewise the ratios of gain and bandwidth between it and those that are hardly worse.
     """
 
     search: StructureSearch
     delays: tuple[int, ...]
     estimate_of_delays: DelayEstimate | None
     beside_noise: Candidate | None = None
+    disagreement: tuple[float, float] = (1.0, 1.0)
 
 
 def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, any_method: bool) -> Climb:
@@ -292,11 +302,12 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
         )
         whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
         search = whole
-    beside_noise = None
-    if paths_alone:
-        beside_noise = search.ranked()[0]
-        search.keep_input_paths()
-    return Climb(search, delays, estimate, beside_noise)
+    if not paths_alone:
+        return Climb(search, delays, estimate)
+    ranked = search.ranked()
+    disagreement = search.disagreement(ranked)
+    search.keep_input_paths()
+    return Climb(search, delays, estimate, ranked[0], disagreement)
 
 
 def _climbed_states(search: StructureSearch, loop: Loop) -> Climb:
@@ -318,6 +329,18 @@ def _objection_to_best(experiments: Experiments, climb: Climb, loop: Loop, best:
         # a slow disturbance resembles the input in any short record: a model of it tells the two apart
         return _objection(climb.beside_noise, climb.search, experiments, loop.is_closed)
     return objection
+
+
+def _weighted(path: Candidate, beside_noise: Candidate) -> Candidate:
+    """An output-error model, its errors weighted by the model of the disturbance that the criterion asks for beside it.
+
+    Where residuals object to the path, no weighting is right: it would move the fit to other frequencies.
+    """
+    same_path = all(order == beside_noise.orders[name] for name, order in path.orders.items())
+    if beside_noise.method != "bj" or not same_path or path.trend != beside_noise.trend:
+        return path
+    nc, nd = (int(np.max(beside_noise.orders[name])) for name in ("nc", "nd"))
+    return replace(path, weighting=(nc, nd))
 
 
 def _reason_of_simulation(
@@ -473,6 +496,8 @@ def _estimate(experiments: Experiments, chosen: Candidate, search: StructureSear
     estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
     # the search has found a minimum already: only arx, which needs none, starts from nothing
     options: dict[str, Any] = {} if chosen.method == "arx" else {"start": search.polynomials_of(chosen)}
+    if chosen.weighting != UNWEIGHTED:
+        options["weighting"] = chosen.weighting
     return estimators[chosen.method](experiments, **chosen.orders, **chosen.trend_options, **options)
 
 

@@ -27,6 +27,7 @@ from sysid.polynomial.orders import NO_TREND, Orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, directions, trends_of_outputs
 from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, minimise, search
 from sysid.polynomial.trends import LINE, OFFSET, Levelled, level
+from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -117,6 +118,7 @@ class Candidate:
         vague_offset: Whether its constant lies far outside the record: beside a slow mode it is a straight line, and no
             level.
         doubt: Another reason why it may not be chosen, in words; empty if there is none.
+        weighting: Of oe the degrees of C and D of the model of the disturbance that weights its errors.
     """
 
     method: str
@@ -132,11 +134,13 @@ class Candidate:
     trend: int = NO_TREND
     vague_offset: bool = False
     doubt: str = ""
+    weighting: tuple[int, int] = UNWEIGHTED
 
     def __str__(self) -> str:
         """Method and orders."""
         orders = " ".join(f"{name}={order}" for name, order in self.orders.items())
-        return f"{self.method} {orders}{TREND_WORDS[self.trend]}"
+        weighting = "" if self.weighting == UNWEIGHTED else f" weighting={self.weighting[0]},{self.weighting[1]}"
+        return f"{self.method} {orders}{TREND_WORDS[self.trend]}{weighting}"
 
     @property
     def trend_options(self) -> dict[str, bool]:
@@ -277,11 +281,12 @@ class StructureSearch:
             if fit.orders.na == 0:
                 path = replace(fit.orders, nc=0, nd=0)
                 best_of_path.setdefault(path, fit.candidate)
-        self.candidates = []
+        candidates = []
         for path, beside_noise in best_of_path.items():
             candidate = self.try_orders(path)
             if candidate is not None:
-                self.candidates.append(replace(candidate, ebic=beside_noise.ebic))
+                candidates.append(replace(candidate, ebic=beside_noise.ebic))
+        self.candidates = candidates
 
     def climb_states(self, delays: tuple[int, ...] = ()) -> None:
         """Try rising orders of a state-space model, with known delays of the inputs in samples and without.

@@ -1,6 +1,7 @@
 """`hmtb identify` for anyone's data: every estimator, several channels, gaps, any table, its operating point."""
 
 import re
+import shlex
 import sys
 from pathlib import Path
 
@@ -118,6 +119,34 @@ def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, pri
     shown = printed("identify", path, "--method", "arx", "--validate", path)
     assert "ARX from auto.csv, fits to auto.csv" in shown and "Candidates, the best 8 of" in shown
     assert "sufficient" in next(line for line in shown.splitlines() if line.strip().startswith("verdict"))
+
+
+def test_a_slow_disturbance_weights_the_errors_of_oe(result, printed, complaint, tmp_path):
+    """A lag of gain 1 and bandwidth 0.84 Hz beside a slow sine of 30 % of its output."""
+    rng = np.random.default_rng(12)
+    u = np.repeat(rng.choice([-1.0, 1.0], 100), 4)
+    y = lfilter([0, 0.1], [1, -0.9], u)
+    sine = np.sin(2 * np.pi * 3.3 * np.arange(400) / 400 + 1.0) * np.sqrt(2.0)
+    y = y + 0.3 * y.std() * (sine + 0.2 * rng.standard_normal(400))
+    path = table(tmp_path / "sine.csv", {"t": DT * np.arange(400), "u": u, "y": y})
+    output = result("identify", path, "--method", "oe")
+    assert output["orders"] == {"nb": 1, "nf": 1, "nk": 1} and sum(output["weighting"]) >= 2
+    assert output["dc_gain"] == pytest.approx(1.0, abs=0.05)
+    assert output["bandwidth_hz"] == pytest.approx(0.839, abs=0.04)
+    shown = printed("identify", path, "--method", "oe")
+    assert "weighted by a model C/D of the disturbance" in shown
+    # the command of the next line gives the same model
+    _, _, *again = shlex.split(next(line for line in shown.splitlines() if line.startswith("next: ")))
+    again[again.index("--save") + 1] = str(tmp_path / "sine.json")
+    repeated = result(*again)
+    assert repeated["weighting"] == output["weighting"]
+    assert repeated["dc_gain"] == pytest.approx(output["dc_gain"], rel=1e-3)
+    words = complaint("identify", path, "--method", "bj", "--orders", 1, 1, 1, 1, "--weighting", 1, 1)
+    assert "--weighting 1 1 given with --method bj; expected --method oe" in words
+    words = complaint("identify", path, "--weighting", 1, 1)
+    assert "--weighting 1 1 given without --orders" in words
+    words = complaint("identify", path, "--method", "oe", "--orders", 1, 1, "--weighting", 1)
+    assert "expected two degrees NC ND" in words
 
 
 @pytest.mark.parametrize("samples", [300, 20])
