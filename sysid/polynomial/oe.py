@@ -94,14 +94,18 @@ def oe(
         }
         options |= {"trend": (trend, False), "error_threshold": (error_threshold, 0.0), "fixed": (fixed, None)}
         options["initial_conditions"] = (InitialConditions.of(initial_conditions), InitialConditions.ESTIMATED)
-        options |= {"focus": (focus, "prediction"), "weighting": (tuple(weighting), UNWEIGHTED)}
+        options |= {"focus": (focus, "prediction"), "weighting": (checked_weighting(weighting), UNWEIGHTED)}
         return oe_of_response(data, nb, nf, nk, max_iterations, options)
     path = {"nb": nb, "nf": nf, "nk": nk}
     degrees = checked_weighting(weighting)
     if degrees != UNWEIGHTED:
         if focus == "simulation":
             raise SysidError("focus='simulation' counts all errors alike: expected weighting=(0, 0) beside it")
-        bj_options = {"start": start, "max_iterations": max_iterations, "initial_conditions": initial_conditions}
+        bj_options: dict[str, object] = {
+            "start": start,
+            "max_iterations": max_iterations,
+            "initial_conditions": initial_conditions,
+        }
         bj_options |= {"offset": offset, "trend": trend, "error_threshold": error_threshold, "fixed": fixed}
         return weighted_oe(data, path, degrees, {**bj_options, "focus": focus})
     return prediction_error_estimate(
