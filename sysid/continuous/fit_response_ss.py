@@ -18,6 +18,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 from sysid.subspace.predictor import Predictor, Scales
 from sysid.subspace.predictor_estimate import RealiseLocally
 
@@ -198,7 +199,7 @@ class GridStates:
         weighted = to_outputs * weights[:, :, None]
         controllability = _root(np.einsum("fiu,fju->ij", from_inputs, from_inputs.conj()).real)
         observability = _root(np.einsum("fyi,fyj->ij", weighted.conj(), weighted).real)
-        left, values, right = np.linalg.svd(observability.T @ controllability)
+        left, values, right = svd(observability.T @ controllability)
         size = np.sqrt(values[:order])
         to_reduced = (left[:, :order] / size).T @ observability.T
         from_reduced = controllability @ (right[:order].T / size)

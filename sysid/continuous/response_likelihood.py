@@ -10,6 +10,7 @@ from sysid.frequency.vector_fit import points
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 
 ZERO_VARIANCE = 1e-12  # variance relative to the largest of a frequency that counts as zero: no information
 SEARCHED = 4  # starts that are searched, the best ones
@@ -178,7 +179,7 @@ class _Linearised:
         # the triangle has the same singular values as the table, and far fewer rows
         triangle = np.asarray(np.linalg.qr(np.column_stack((table / size, errors)), mode="r"))
         p = len(size)
-        left, values, right = np.linalg.svd(triangle[:p, :p], full_matrices=False)
+        left, values, right = svd(triangle[:p, :p], full_matrices=False)
         count = int((values[: model.free] > NEGLIGIBLE_SINGULAR * values[0]).sum())
         slope = left[:, :count].T @ triangle[:p, p]
         return _Linearised(values[:count], right[:count].T / size[:, None], slope)

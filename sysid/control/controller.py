@@ -8,6 +8,7 @@ from sysid.models.state_space import StateSpace
 from sysid.records.arguments import sampling_interval
 from sysid.records.arrays import FloatArray, Locked, lock, real_array, rectangular
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import singular_values
 
 GRID = 120
 """Frequencies at which the sensitivity is computed."""
@@ -111,7 +112,7 @@ class Controller(Locked):
         feedback = StateSpace(A, B, self.C, self.Dy, None, self.dt).frequency_response(f_hz)
         differences = np.eye(self.loops) - feedback @ plant.frequency_response(f_hz)
         # the largest singular value of the inverse, (I - feedback plant)^-1
-        return float(1.0 / np.linalg.svd(differences, compute_uv=False)[:, -1].min())
+        return float(1.0 / singular_values(differences)[:, -1].min())
 
 
 class ControllerRun:

@@ -16,6 +16,7 @@ from sysid.records.arguments import real_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 from sysid.validation.cramer_rao import cramer_rao_bound, pulse_length
 
 Quantity = Callable[[StateSpace], float | FloatArray]
@@ -115,7 +116,7 @@ def _nuisance(pilot: Estimate, root: FloatArray, samples: int, *, offset: bool) 
     if offset:
         columns.append(np.broadcast_to(np.eye(m.ny), (samples, m.ny, m.ny)))
     table = np.concatenate(columns, axis=2).transpose(1, 0, 2).reshape(samples * m.ny, -1)
-    basis, values, _ = np.linalg.svd(table, full_matrices=False)
+    basis, values, _ = svd(table, full_matrices=False)
     return np.asarray(basis[:, values > SAME * values.max(initial=0.0)])
 
 

@@ -14,6 +14,7 @@ from sysid.records.arrays import ComplexArray, FloatArray, Locked, rectangular
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, numbers
+from sysid.records.singular_values import singular_values
 
 SAME_PERIODS = 1e-3  # difference of periods, relative to the standard deviation, that counts as rounding
 
@@ -173,7 +174,7 @@ def _realisation_response(
     """
     inputs = np.stack([u.mean(axis=0) for u, _ in records], axis=2)
     outputs = np.stack([y.mean(axis=0) for _, y in records], axis=2)
-    values = np.linalg.svd(inputs, compute_uv=False)
+    values = singular_values(inputs)
     # beyond this condition the inverse would amplify noise a million times
     if (values[:, -1] <= 1e-6 * values[:, 0]).any():
         worst = int(np.argmin(values[:, -1] / np.maximum(values[:, 0], np.finfo(float).tiny)))

@@ -14,6 +14,7 @@ from sysid.records.arguments import sampling_interval, truth_value, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, real_array
 from sysid.records.errors import SysidError
 from sysid.records.optional import optional
+from sysid.records.singular_values import svd
 
 if TYPE_CHECKING:
     import control
@@ -56,7 +57,7 @@ class PartialFractions(Locked):
         rank = min(self.direct.shape) if rank is None else rank
         A, B, C = [], [], []
         for pole, residue in zip(self.poles, self.residues, strict=True):
-            u, values, vh = np.linalg.svd(residue) if pole.imag else np.linalg.svd(residue.real)
+            u, values, vh = svd(residue) if pole.imag else svd(residue.real)
             # equal shares of a singular value make inputs and outputs of the states alike in size
             root = np.sqrt(values[:rank])
             b, c = root[:, None] * vh[:rank], u[:, :rank] * root

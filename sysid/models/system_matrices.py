@@ -7,6 +7,7 @@ import scipy
 
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 
 
 @lru_cache(maxsize=1)
@@ -33,7 +34,7 @@ def balanced_truncation(
     controllability = _factor(scipy.linalg.solve_discrete_lyapunov(A, B @ B.T))
     observability = _factor(scipy.linalg.solve_discrete_lyapunov(A.T, C.T @ C))
     # from factors: the product of the Gramians would lose half of the digits of small singular values
-    left, hankel, right = np.linalg.svd(observability.T @ controllability)
+    left, hankel, right = svd(observability.T @ controllability)
     keep = int((hankel > tolerance * hankel[0]).sum())
     if order is not None:
         keep = min(keep, order)
@@ -84,12 +85,12 @@ def _norm(matrix: FloatArray, D: FloatArray) -> float:
 def _without_infinite(A: FloatArray, B: FloatArray, C: FloatArray, D: FloatArray, floor: float) -> Matrices:
     """The system reduced to one of the same finite zeros with a D of full row rank [EmamiNaeini1982]."""
     while len(A) and len(C):
-        left, values, _ = np.linalg.svd(D)
+        left, values, _ = svd(D)
         rank = int((values > floor).sum())
         if rank == len(D):
             break
         D, C = left.T @ D, left.T @ C
-        _, values, right = np.linalg.svd(C[rank:])
+        _, values, right = svd(C[rank:])
         removed = int((values > floor).sum())
         D, C = D[:rank], C[:rank]
         if removed == 0:

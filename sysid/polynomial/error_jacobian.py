@@ -20,6 +20,7 @@ from sysid.polynomial.regressors import input_lags, lagged, output_lags
 from sysid.polynomial.trends import trend_terms
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
+from sysid.records.singular_values import svd
 
 LEAST_VARIANCE = 1e-8  # of an initial disturbance state, relative to the innovation: keeps the covariance regular
 ROUNDING = 1e-12  # the same relative to the sum of variances, for a disturbance that hardly decays
@@ -487,7 +488,7 @@ class OrthonormalBasis:
         size = np.abs(transients)
         alive = np.flatnonzero(size.max(axis=1) > NEGLIGIBLE * size.max())
         length = int(alive[-1]) + 1
-        left, values, right = np.linalg.svd(transients[:length], full_matrices=False)
+        left, values, right = svd(transients[:length], full_matrices=False)
         kept = values > DEPENDENT_TRANSIENTS * values[0]
         return OrthonormalBasis(left[:, kept], values[kept], right[kept])
 
@@ -651,7 +652,7 @@ def _basis_and_coefficients(
         return remainder, np.zeros(0)
     lengths = np.sqrt(np.einsum("ij,ij->j", free, free))
     lengths[lengths == 0.0] = 1.0
-    vectors, values, right = np.linalg.svd(remainder / lengths, full_matrices=False)
+    vectors, values, right = svd(remainder / lengths, full_matrices=False)
     kept = values > DEPENDENT
     basis = vectors[:, kept]
     return basis, (right[kept].T @ ((basis.T @ errors) / values[kept])) / lengths

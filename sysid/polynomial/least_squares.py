@@ -9,6 +9,7 @@ import scipy
 
 from sysid.records.arrays import FloatArray
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 
 SQUARE_SAFE = 1e5  # condition up to which normal equations, which square it, keep six digits
 
@@ -102,7 +103,7 @@ def solve_triangle(triangle: FloatArray, lengths: FloatArray, p: int, rows: int)
         # fewer equations than unknowns have the solution of least norm, as those that lack rank
         triangle = np.pad(triangle, ((0, p - len(triangle)), (0, 0)))
     triangle[:, p:] *= lengths[p:]
-    left, values, right = np.linalg.svd(triangle[:p, :p])
+    left, values, right = svd(triangle[:p, :p])
     largest = float(values[0]) if p else 0.0
     smallest = float(values[-1]) if p else 0.0
     condition = largest / smallest if smallest > 0.0 else np.inf

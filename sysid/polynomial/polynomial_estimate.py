@@ -46,6 +46,7 @@ from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.singular_values import svd
 
 
 @dataclass(frozen=True)
@@ -636,7 +637,7 @@ def _diagnostics(result: Search, condition: float) -> dict[str, Any]:
 
 def directions(at: Linearisation) -> tuple[FloatArray, float]:
     """Columns L (p, q) with L L' = (J' J)^-1, and the condition number of the scaled Jacobian."""
-    _, values, right = np.linalg.svd(at.triangle)
+    _, values, right = svd(at.triangle)
     if not len(values):
         return np.zeros((0, 0)), 1.0
     kept = values > ROUNDING * values[0]

@@ -31,6 +31,7 @@ from sysid.polynomial.stability_limit import AT_THE_LIMIT, admissible, constrain
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 
 CONVERGED = 1e-9  # remaining decrease, relative to the sum of squares
 STALLED = 1e-15  # decrease by an accepted step, relative to the sum of squares, that is rounding
@@ -214,7 +215,7 @@ class LinearModel:
     @staticmethod
     def at(at: Linearisation, outward: Callable[[FloatArray], tuple[FloatArray, FloatArray]] | None) -> "LinearModel":
         """Singular value decomposition of a linearisation, with limits as in `levenberg_marquardt`."""
-        left, values, right = np.linalg.svd(at.triangle)
+        left, values, right = svd(at.triangle)
         significant = values > SIGNIFICANT * values[0] if len(values) else values > 0
         limits, reach = np.zeros((0, len(at.theta))), np.zeros(0)
         if outward is not None:

@@ -22,6 +22,7 @@ from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.singular_values import svd
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
 from sysid.recursive.initial_state import Channel, Start, has_stable_denominators, regressed_channels, starting_state
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
@@ -249,7 +250,7 @@ def _divergence_error(method: str, rule: Adaptation, t: int, error: float) -> Sy
 def _promised_decrease(experiments: list[IOData], orders: Orders, theta: FloatArray) -> float:
     """N dV / V of one Gauss-Newton step on the whole record."""
     at = linearise(experiments, orders, theta)
-    directions, values, _ = np.linalg.svd(at.triangle)
+    directions, values, _ = svd(at.triangle)
     along_directions = directions.T @ at.target
     # directions that rounding alone determines promise nothing
     g = along_directions[values > SIGNIFICANT * values.max(initial=0.0)]

@@ -25,7 +25,7 @@ from sysid.polynomial.initial_estimates import (
 )
 from sysid.polynomial.orders import NO_TREND, Orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, directions, trends_of_outputs
-from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, minimise, search
+from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, Minimum, minimise, search
 from sysid.polynomial.trends import LINE, OFFSET, Levelled, level
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
@@ -50,6 +50,8 @@ LOW, PLAINEST = 3, "oe"  # orders of the method that climbs from the shortest de
 NEAR = 30.0  # EBIC above the best up to which a family is refined: some five superfluous parameters
 REFINED = 8  # rounds of changes of single orders, at most
 STEPS = 15  # iterations of a candidate, at most: those that are far too large take the most, and are not chosen
+FURTHER_STEPS = 60  # iterations by which the search of one of the best candidates is continued, at most
+FINISHED = 8  # best candidates whose search is continued, at most
 UNTOLD = 0.02  # decrease of the criterion that a candidate may still have before it
 STARTS = 2  # initial estimates of its own that a candidate may have, beside the nearest fits
 FILLING = 4  # orders on which the length of the ARX model that fills gaps depends
@@ -177,11 +179,13 @@ class Fit:
         orders: Layout of the parameters.
         theta: The parameters (p,).
         candidate: How they fit.
+        is_finished: Whether their search came to its end.
     """
 
     orders: Orders
     theta: FloatArray
     candidate: Candidate
+    is_finished: bool = True
 
 
 class StructureSearch:
@@ -250,6 +254,7 @@ class StructureSearch:
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
             self._refine(family, tuple(min(delay, 1) for delay in delays))
+        self._finish()
 
     def continue_from(self, other: "StructureSearch", shortest: tuple[int, ...]) -> None:
         """Fit the best candidates of a search on a part of the records, and change their single orders.
@@ -401,6 +406,10 @@ class StructureSearch:
         except SysidError as error:
             self.failed.append(f"{orders}: {error}")
             return None
+        return self._record_fit(orders, minimum)
+
+    def _record_fit(self, orders: Orders, minimum: Minimum) -> Candidate:
+        """Record where the search of a candidate ended."""
         at = minimum.at
         theta = at.theta
         method = _structure_of(orders)
@@ -422,8 +431,35 @@ class StructureSearch:
             trend=orders.trend,
             vague_offset=orders.trend == OFFSET and self._lie_far(levels),
         )
-        self.fits[orders] = Fit(orders, theta, candidate)
+        self.fits[orders] = Fit(orders, theta, candidate, is_finished=minimum.converged)
         return candidate
+
+    def _finish(self) -> None:
+        """Continue the searches of the best candidates that ended by their limit of steps.
+
+        They decide: poles that move slowly towards the unit circle, beside zeros there, follow a disturbance, which the
+        end of a search alone shows, and a model of the disturbance with such poles is better than it seems before.
+        """
+        if not self.refines:
+            return
+        for _ in range(FINISHED):
+            fits = sorted(self.fits.values(), key=self.criterion_of_fit)
+            limit = self.criterion_of_fit(fits[0]) + FAR if fits else np.inf
+            unfinished = [fit for fit in fits if not fit.is_finished and self.criterion_of_fit(fit) <= limit]
+            if not unfinished or self.exact:
+                return
+            fit = unfinished[0]
+            self.fits[fit.orders] = replace(fit, is_finished=True)
+            minimum = minimise(
+                self.experiments,
+                fit.orders,
+                fit.theta,
+                max_iterations=FURTHER_STEPS,
+                tolerance=UNTOLD / self.samples,
+            )
+            self.candidates = [candidate for candidate in self.candidates if candidate is not fit.candidate]
+            finished = self._record_fit(fit.orders, minimum)
+            self.fits[fit.orders] = Fit(fit.orders, minimum.at.theta, finished, is_finished=True)
 
     def _initial_estimates(self, orders: Orders, base: Fit | None) -> Iterator[InitialEstimate]:
         """The best smaller fit, the base of the change, and without a base some that do not depend on earlier fits."""

@@ -13,6 +13,7 @@ from sysid.records.arrays import FloatArray, Locked, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, numbers
+from sysid.records.singular_values import singular_values, svd
 
 NUMERICAL_RANK = 1e-13  # singular value, relative to the largest, that is rounding
 
@@ -68,7 +69,7 @@ def era(
     y = markov_array(markov)
     rows, columns = hankel_shape(y, block_rows, block_columns, reserve=0)
     h0, h1 = block_hankel(y[1:], rows, columns), block_hankel(y[2:], rows, columns)
-    left, xi, right = np.linalg.svd(h0, full_matrices=False)
+    left, xi, right = svd(h0, full_matrices=False)
     n = checked_order(order, xi)
     root = np.sqrt(xi[:n])
     ny, nu = y.shape[1:]
@@ -218,7 +219,7 @@ def era_dc(
     shifted_by_lag = [block_hankel(y[1 + k :], rows, columns) for k in range(2 * lags)]
     correlations = np.array([shifted @ h0.T for shifted in shifted_by_lag])
     u0, u1 = block_hankel(correlations, lags, lags), block_hankel(correlations[1:], lags, lags)
-    left, values, right = np.linalg.svd(u0, full_matrices=False)
+    left, values, right = svd(u0, full_matrices=False)
     # correlations are squares: their roots are comparable with the singular values of H(0)
     n = checked_order(order, np.sqrt(values))
     root = np.sqrt(values[:n])
@@ -226,4 +227,4 @@ def era_dc(
     observability = left[: rows * ny, :n] * root
     C = observability[:ny]
     B = np.linalg.lstsq(observability, h0, rcond=None)[0][:, :nu]
-    return realisation(A, B, C, y[0], dt, np.linalg.svd(h0, compute_uv=False), n)
+    return realisation(A, B, C, y[0], dt, singular_values(h0), n)

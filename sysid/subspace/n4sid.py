@@ -16,6 +16,7 @@ from sysid.records.arguments import one_of, truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import Message, SysidError, warn_each
+from sysid.records.singular_values import svd
 from sysid.subspace.gaps import estimate_with_gaps
 from sysid.subspace.input_delays import input_delays, with_input_delays
 from sysid.subspace.predictor import Predictor, Record, Scales, input_coordinates, local_coordinates
@@ -109,7 +110,7 @@ def subspace(
     if weighting == "cva":
         root = np.sqrt(np.maximum(values, SINGULAR * values[-1]))
     # the smaller, symmetric eigenproblem would lose half of the digits of the singular values
-    left, correlations, right = np.linalg.svd((vectors / root).T @ explained, full_matrices=False)
+    left, correlations, right = svd((vectors / root).T @ explained, full_matrices=False)
     rank = int((correlations > RANK * correlations[0]).sum())
     n = max(min(order, rank), 1)
     observability = (vectors * root) @ (left[:, :n] * np.sqrt(correlations[:n]))

@@ -4,6 +4,7 @@ import numpy as np
 import scipy
 
 from sysid.records.arrays import FloatArray
+from sysid.records.singular_values import svd
 
 RANK = 1e-10  # singular value, relative to the norms of A and C, below which a direction is unobservable
 
@@ -51,10 +52,10 @@ def deadbeat_gain(A: FloatArray, C: FloatArray) -> FloatArray:
     while basis.shape[1] < n:
         outside = scipy.linalg.null_space(basis.T) if basis.shape[1] else np.eye(n)
         into = outside.T @ C.T
-        left, values, _ = np.linalg.svd(into)
+        left, values, _ = svd(into)
         unreached = left[:, int((values > tolerance).sum()) :].T
         # columns of `outside` that one step takes into the subspace, up to what the input can add
-        _, values, right = np.linalg.svd(unreached @ outside.T @ A.T @ outside)
+        _, values, right = svd(unreached @ outside.T @ A.T @ outside)
         added = outside @ right[int((values > tolerance).sum()) :].T
         if not added.shape[1]:
             break

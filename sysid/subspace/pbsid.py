@@ -12,6 +12,7 @@ from sysid.records.arguments import truth_value, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import warn_each
+from sysid.records.singular_values import svd
 from sysid.subspace.gaps import estimate_with_gaps
 from sysid.subspace.observer_gain import deadbeat_gain, spectral_radius, stable_gain
 from sysid.subspace.observer_regression import ObserverRegression
@@ -86,7 +87,7 @@ def pbsid(
     hankel = _predictor_hankel(fit.solution[nu * direct :], innovation, f, p)
     futures = [_product(replace(regression, experiments=(e,)), hankel) for e in scaled]
     # the triangle has the singular values of all states together, at the size of a single block
-    _, values, vectors = np.linalg.svd(np.linalg.qr(np.vstack(futures), mode="r"))
+    _, values, vectors = svd(np.linalg.qr(np.vstack(futures), mode="r"))
     n = max(min(order, int((values > RANK * values[0]).sum())), 1)
     if n < order:
         messages.append(f"the past explains {n} state(s) of the data: the model has that order instead of {order}")

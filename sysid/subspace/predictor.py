@@ -14,6 +14,7 @@ from sysid.polynomial.orthonormal_basis import gramian
 from sysid.polynomial.stability_limit import STABILITY_MARGIN
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
+from sysid.records.singular_values import svd
 
 FLOOR = 1e-10  # of the Gramians, relative to their trace: bounds the scaling of nearly unobservable states
 
@@ -91,7 +92,7 @@ class Predictor:
             # an unstable predictor, or Gramians that overflow
             return np.eye(n), np.eye(n)
         left, right = _root(controllability), _root(observability)
-        u, values, vt = np.linalg.svd(right.T @ left)
+        u, values, vt = svd(right.T @ left)
         root = np.sqrt(values)
         return (u / root).T @ right.T, left @ (vt.T / root)
 

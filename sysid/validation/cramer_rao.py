@@ -10,6 +10,7 @@ from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.polynomial.orders import Orders
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import singular_values
 
 LOG_STEP = 1e-4  # relative step of the slope at the half-power frequency
 SINGULAR = 1e-10  # ratio of singular values of the scaled root information: below, some parameters are undetermined
@@ -271,7 +272,7 @@ def _directions(root: FloatArray) -> FloatArray:
         raise SysidError(f"the record does not depend on parameter {int(np.argmin(scale)) + 1} of {len(scale)}")
     # parameters differ by decades: columns of unit length show what is collinear
     triangle = np.linalg.qr(root / scale, mode="r")
-    values = np.linalg.svd(triangle, compute_uv=False)
+    values = singular_values(triangle)
     if values[-1] < SINGULAR * values[0]:
         raise SysidError(f"the record does not determine the {len(scale)} parameters: singular values {values}")
     return np.asarray(scipy.linalg.solve_triangular(triangle, np.eye(len(scale)))) / scale[:, None]

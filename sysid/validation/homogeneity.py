@@ -16,6 +16,7 @@ from sysid.records.arguments import confidence_level
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.printing import Part, Table
+from sysid.records.singular_values import svd
 
 DETERMINED = 1e-8
 """Eigenvalue of an information matrix, relative to the largest, up to which its direction is not determined."""
@@ -342,7 +343,7 @@ def _basis(columns: FloatArray) -> FloatArray:
     """Orthonormal basis of columns, without directions that rounding determines."""
     scale = np.linalg.norm(columns, axis=0)
     usable = columns[:, scale > 0.0] / scale[scale > 0.0]
-    vectors, values, _ = np.linalg.svd(usable, full_matrices=False)
+    vectors, values, _ = svd(usable, full_matrices=False)
     return np.asarray(vectors[:, values > DETERMINED * values.max(initial=0.0)])
 
 

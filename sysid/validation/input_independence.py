@@ -15,6 +15,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray, real_array
 from sysid.records.channels import default_names
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 
 LIMIT = 30.0
 """Condition index from which regressors count as too dependent [Belsley1980, sec. 3.2].
@@ -85,7 +86,7 @@ def input_independence(u: ArrayLike, names: Sequence[str] = (), *, lags: int = 8
     # Orthonormal bases remove the spectrum of each signal: their joint condition measures the dependence alone.
     bases: list[FloatArray] = []
     for block in blocks:
-        basis, values, _ = np.linalg.svd(block, full_matrices=False)
+        basis, values, _ = svd(block, full_matrices=False)
         bases.append(basis[:, values > NUMERICAL_RANK * values[0]])
     return InputIndependence(
         names=tuple(names) or default_names("u", count),

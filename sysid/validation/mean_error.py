@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 
 from sysid.records.arrays import FloatArray
+from sysid.records.singular_values import svd
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def f_statistic(errors: FloatArray) -> float:
     used = length > 0.0
     if not used.any():
         return 0.0
-    _, values, right = np.linalg.svd((errors - mean)[:, used] / length[used], full_matrices=False)
+    _, values, right = svd((errors - mean)[:, used] / length[used], full_matrices=False)
     if values[-1] <= 1e-12 * np.sqrt(records):
         # the same error in every record, in some direction: it has no scatter to be judged by
         return float("inf")

@@ -18,6 +18,7 @@ from sysid.polynomial.regressors import lagged
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.singular_values import svd
 from sysid.validation.joint_nonlinearity import FRICTION, PLAY, SATURATION, stop, told_kind
 
 LAGS = 20  # of the inputs beside the tested terms: what depends linearly on the input is left to them
@@ -278,7 +279,7 @@ def _predicted_from_outputs(model: StateSpace, y: FloatArray) -> FloatArray:
 def _without(explaining: FloatArray, signals: FloatArray) -> FloatArray:
     """What signals (N, k) have beyond a constant and explaining ones (N, m)."""
     centred = explaining - explaining.mean(axis=0)
-    basis, values, _ = np.linalg.svd(centred, full_matrices=False)
+    basis, values, _ = svd(centred, full_matrices=False)
     basis = basis[:, values > 1e-8 * max(values[0], np.finfo(float).tiny)]
     signals = signals - signals.mean(axis=0)
     return np.asarray(signals - basis @ (basis.T @ signals))

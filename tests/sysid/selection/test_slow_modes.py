@@ -1,11 +1,14 @@
 """Slow modes belong to the model where the input drives them, and nowhere else."""
 
+import warnings
+
 import numpy as np
 import pytest
 import scipy
 from scipy.signal import lfilter
 
 from sysid import IOData, auto
+from tests.benchmarks.automatic_choice import KINDS
 
 SAMPLES, DT = 400, 0.02
 TIME = np.arange(SAMPLES)
@@ -106,3 +109,15 @@ def test_where_input_and_output_follow_from_each_other_the_choice_says_so():
         x = 0.8 * x + 0.3 * u[-1]
     choice = auto(IOData(u, y, 1.0).detrend())
     assert any("feedback" in caution for caution in choice.cautions)
+
+
+def test_searches_of_the_best_candidates_come_to_their_end():
+    """Poles of armax on their way to the unit circle, where they follow a slow sine, looked like a model of the plant."""
+    plant, (record,) = KINDS["slow sine"](np.random.default_rng([83, 14]))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        choice = auto(record[:450].detrend())
+    best = choice.candidates[0]
+    assert (best.method, best.orders["nb"], best.orders["nf"]) == ("bj", 1, 1)
+    assert choice.estimate.dc_gain().item() == pytest.approx(plant.gain, rel=0.05)
+    assert choice.estimate.bandwidth().hz.item() == pytest.approx(plant.bandwidth, rel=0.05)
