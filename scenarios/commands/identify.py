@@ -133,7 +133,7 @@ def identify(
     options = locals()  # before any other local variable: all options, for the commands that repeat and go on
     typed = command_line("hmtb identify", identify, options)
     from scenarios.identification.file_identification import identify_files
-    from scenarios.identification.result_tables import result_tables
+    from scenarios.identification.result_tables import result_tables, verdict
 
     numbered = _orders(orders, method)
     # Endings and files that exist are checked before the fit, which may take minutes.
@@ -180,7 +180,7 @@ def identify(
         report = _report(found, options, out / REPORT)
     if json:
         written = {"model_file": save, "figures": pictures, "report": report}
-        print_json({**found.record(), "warnings": remarks, **written})
+        print_json({"verdict": verdict(found.result), **found.record(), "warnings": remarks, **written})
         return 0
     print_tables(result_tables(found))
     say_each("warning: ", remarks)

@@ -11,6 +11,7 @@ from typing import Any
 from scenarios.files.data_file import Names, joints_of, read_parts
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.identification import Identification, identify, usable
+from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.order_choice import HELD_OUT, SHORTEST, choose_and_identify, hold_out
 from sysid import IOData, StructureChoice
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
@@ -18,8 +19,8 @@ from sysid.records.channels import listed
 from sysid.records.importers import one_interval
 
 STEADY_END = (
-    "nothing is held out, because no input moves in the last quarter of the record: verdict and fits are on the "
-    "samples that the model was estimated from; another record would judge it (--validate)"
+    "nothing is held out, because no input moves in the last quarter of the record, or none before it: verdict and "
+    "fits are on the samples that the model was estimated from; another record would judge it (--validate)"
 )
 """Remark on a record without an end to judge on."""
 
@@ -48,6 +49,10 @@ class FileIdentification:
         if self.choice is None:
             return {}
         fitted, trend = self.result.fitted, self.choice.candidates[0].trend_options
+        estimator = ESTIMATORS[fitted.estimate.method]
+        if not fitted.orders.keys() <= {*estimator.orders, *estimator.optional}:
+            # delays of a state-space model, for which there is no option: the choice gives them again
+            return {}
         options: dict[str, object] = {"method": fitted.estimate.method, "orders": tuple(fitted.orders.values())}
         options |= {name: True for name in trend}
         if fitted.weighting is not None:
@@ -58,13 +63,18 @@ class FileIdentification:
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb identify --json` prints of the model and of the choice."""
-        record: dict[str, object] = {"method": self.result.fitted.estimate.method, **self.result.record()}
+        record: dict[str, object] = {"title": self.title, "method": self.result.fitted.estimate.method}
+        record |= self.result.record()
+        record |= {"held_out": self.held_out, "estimated_from_all": self.result.is_estimated_again}
         if self.choice is not None:
             best = self.choice.candidates[0]
             candidates = []
             for candidate in self.choice.candidates:
+                options: dict[str, object] = dict(candidate.trend_options)
+                if any(candidate.weighting):
+                    options["weighting"] = candidate.weighting
                 criteria = {"ebic": candidate.ebic - best.ebic, "loss": candidate.loss}
-                candidates.append({"method": candidate.method, "orders": candidate.orders, **criteria})
+                candidates.append({"method": candidate.method, "orders": candidate.orders, **options, **criteria})
             record["choice"] = {"reason": self.choice.reason, "candidates": candidates}
         return record
 
@@ -240,7 +250,7 @@ def _held_out_in_words(held_out: IOData, data: Sequence[Path], *, is_estimated_a
     start, end = held_out.start + held_out.window * held_out.dt, held_out.start + len(held_out) * held_out.dt
     part = f"{name} {start:.6g} to {end:.6g} s, held out"
     if is_estimated_again:
-        return f"{part}; the chosen orders are then estimated from all samples"
+        return f"{part}; parameters, gain and bandwidth are then estimated from all samples"
     return f"{part}: the model is not estimated from them"
 
 

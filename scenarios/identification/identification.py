@@ -43,6 +43,12 @@ SHORTEST = 100
 ROUNDED = 1.1
 """Residuals, relative to the deviation of rounding, up to which nothing but rounding shows in them."""
 
+FINE = 0.005
+"""Deviation of rounding, relative to that of the output, up to which it matters no more than a nonlinearity would."""
+
+LASTING = 10.0
+"""Records that the time constant of a mode must last to count as an integrator."""
+
 DRAWN = 2000
 """Samples of measured and model outputs that are drawn, of longer records the first."""
 
@@ -64,6 +70,16 @@ class FittedModel:
     parts: tuple[IOData, ...]
     band: Bandwidth
     claims: tuple[tuple[BandwidthClaim, ...], ...]
+
+    @property
+    def integrates(self) -> bool:
+        """Whether a mode lasts so much longer than the records that it is an integrator for them.
+
+        Gain at 0 Hz and bandwidth of such a model mean nothing, and nothing depends on them.
+        """
+        longest = max(map(len, self.parts))
+        distances = np.abs(sampled_poles(self.estimate) - 1.0)
+        return bool((distances < 1.0 / (LASTING * longest)).any())
 
     @property
     def weighting(self) -> tuple[int, int] | None:
@@ -246,7 +262,11 @@ def fit_model(
         for i in range(first.ny):
             claim = partial(bandwidth_claim, model, longest, output=i, band=band, judged=check or ())
             claims.append(tuple(claim(input=j) for j in range(first.nu)))
-    return FittedModel(model, ESTIMATORS[method].complete(orders), used, band, tuple(claims))
+    complete = ESTIMATORS[method].complete(orders)
+    if "nk" in model.orders and "nk" not in complete:
+        # known delays of a state-space model, which its choice finds
+        complete["nk"] = model.orders["nk"]
+    return FittedModel(model, complete, used, band, tuple(claims))
 
 
 def _start(method: str, near: Estimate | None) -> dict[str, Any]:
@@ -353,7 +373,7 @@ def identify(
     fit = partial(fit_model, keep_mean=keep_mean, trend=trend, weighting=weighting)
     fitted = judged = fit(records, method, orders, found=found, check=check)
     if whole is not None:
-        fitted = _of_all_samples(judged, whole, fit)
+        fitted = _of_all_samples(judged, whole, partial(fit, method=method, orders=orders))
     keep_mean, trend = _operating_point_options(method, orders, keep_mean=keep_mean, trend=trend, weighting=weighting)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
@@ -385,7 +405,7 @@ def identify(
         test,
         untested,
         remarks,
-        rounded=_rounded(records, test),
+        rounded=_rounded(records, test, judged),
         nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
         baseline=command_baseline(judged.parts, checked),
         agreement=agreement,
@@ -396,7 +416,7 @@ def _of_all_samples(judged: FittedModel, whole: Sequence[IOData], fit: Callable[
     """A judged model estimated again from all samples; as it was where they give none that is stable like it."""
     model = judged.estimate
     try:
-        again = fit(whole, model.method, tuple(judged.orders.values()), near=model)
+        again = fit(whole, near=model)
     except SysidError:
         return judged
     return again if again.estimate.model.input_path().is_stable() == model.model.input_path().is_stable() else judged
@@ -413,33 +433,44 @@ def _about_own_trends(model: Estimate, records: Sequence[IOData], trend: Mapping
     return tuple(record.subtract(y=line[:, None]) for record, line in zip(about, trends, strict=True))
 
 
-def _rounded(records: Sequence[IOData], test: ResidualTest | None) -> tuple[bool, ...]:
-    """Whether the residuals of each output are no larger than the rounding of its records to steps (ny,)."""
+def _rounded(records: Sequence[IOData], test: ResidualTest | None, fitted: FittedModel) -> tuple[bool, ...]:
+    """Whether the residuals of each output are no larger than the fine rounding of its records to steps (ny,).
+
+    Rounding to coarse steps is a nonlinearity: gain and bandwidth of a model that follows it may be far from the truth.
+    An integrator has neither, and its output moves over any step.
+    """
     if test is None:
         return ()
-    steps = [resolution(channel) for channel in np.concatenate([record.y for record in records]).T]
+    outputs = np.concatenate([record.y for record in records])
+    steps = np.array([resolution(channel) for channel in outputs.T])
     sizes = np.sqrt(np.nanmean(test.residuals**2, axis=0))
     # Rounding to steps q has a variance of q^2/12.
-    return tuple(bool(size <= ROUNDED * step / np.sqrt(12.0)) for size, step in zip(sizes, steps, strict=True))
+    rounding = steps / np.sqrt(12.0)
+    is_fine = (rounding <= FINE * np.nanstd(outputs, axis=0)) | fitted.integrates
+    return tuple(bool(is_rounding) for is_rounding in (sizes <= ROUNDED * rounding) & is_fine)
 
 
 def _about_continued_points(
     fitted: FittedModel, records: Sequence[IOData], checked: Sequence[IOData]
 ) -> tuple[IOData, ...]:
-    """Records that continue those of the estimate, about the operating point of the model and along its line.
+    """Records that continue those of the estimate, about the operating points of their runs and along their lines.
 
     A line in the output goes on where the record of the estimate ended. It is that of the record with the same name.
     """
     inputs, outputs = fitted.estimate.operating_point or (0.0, 0.0)
-    slopes = fitted.estimate.diagnostics.get("slopes", ())
+    slopes = fitted.estimate.diagnostics.get("slopes", [None] * len(records))
     about = []
     for record in checked:
-        level = np.broadcast_to(outputs, record.y.shape)
-        for part, slope in zip(records, slopes, strict=False):
-            if part.name == record.name:
+        input_level, level = inputs, np.broadcast_to(outputs, record.y.shape)
+        for part, of_model, slope in zip(records, fitted.parts, slopes, strict=True):
+            if part.name != record.name:
+                continue
+            if of_model.input_offset is not None and of_model.output_offset is not None:
+                input_level, level = of_model.input_offset, np.broadcast_to(of_model.output_offset, record.y.shape)
+            if slope is not None:
                 middle = part.start + 0.5 * (len(part) - 1) * part.dt
                 level = level + (record.time - middle)[:, None] * np.array(slope)
-        about.append(record.subtract(u=inputs, y=level))
+        about.append(record.subtract(u=input_level, y=level))
     return tuple(about)
 
 

@@ -110,8 +110,8 @@ def hold_out(
 ) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
     """Records to estimate from, and the end of the longest one, which judges the model; None if it cannot.
 
-    It cannot where the record is too short, or where no input moves in it. The samples before it, as many as it has,
-    give the state from which it is simulated: one fitted to the judged samples would follow any drift in them.
+    It cannot where the record is too short, or where no input moves in it or before it. The samples before it, as many
+    as it has, give the state from which it is simulated: one fitted to the judged samples would follow any drift.
     """
     longest = max(range(len(records)), key=lambda k: len(records[k]))
     # So short a record is needed whole for the choice; it then judges its own model.
@@ -119,8 +119,10 @@ def hold_out(
         return records, None
     whole = records[longest]
     end = round((1.0 - share) * len(whole))
-    moved = whole.u[end:].std(axis=0) > STEADY * whole.u.std(axis=0)
-    if not moved.any():
+    spread = STEADY * whole.u.std(axis=0)
+    moved, moved_before = whole.u[end:].std(axis=0) > spread, whole.u[:end].std(axis=0) > spread
+    # a last step needs the whole record for the estimate, where no other one has it
+    if not moved.any() or (len(records) == 1 and not moved_before.all()):
         return records, None
     to_estimate = list(records)
     to_estimate[longest] = whole[:end]

@@ -774,7 +774,10 @@ def _cut_or_filled(coefficients: FloatArray, length: int) -> FloatArray:
 
 
 def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
-    """Orders that differ by one in one place, and delays that leave the last lag of the input where it is."""
+    """Orders that differ by one in one place, delays that leave the last lag of the input where it is, and fewer pairs.
+
+    C and D lose a root each together, where these cancel; a pair at one stands for a trend in their place.
+    """
     steps = []
     for name in sorted(names):
         for channel in range(np.size(getattr(orders, name))):
@@ -783,6 +786,11 @@ def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
     for name, channel, step in steps:
         if name == "nk":
             neighbours.append(_with_step(_with_step(orders, "nk", channel, step), "nb", channel, -step))
+    if {"nc", "nd"} <= set(names):
+        fewer = replace(orders, nc=orders.nc - 1, nd=orders.nd - 1)
+        neighbours.append(fewer)
+        if "trend" in names:
+            neighbours.append(_with_step(fewer, "trend", 0, 1))
     for neighbour in neighbours:
         smallest = min(neighbour.na, neighbour.nc, neighbour.nd, *neighbour.nf, *neighbour.nk)
         if smallest >= 0 and min(neighbour.nb) >= 1:

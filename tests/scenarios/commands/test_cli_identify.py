@@ -113,7 +113,11 @@ def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, pri
     # the chosen orders are estimated from all samples, unless a part is held out explicitly
     whole = result("identify", path, "--method", "oe", "--orders", 1, 1, 2)
     assert output["dc_gain"] == pytest.approx(whole["dc_gain"], rel=1e-4)
+    assert output["verdict"].startswith("sufficient") and output["held_out"] == 0.25
+    assert "then estimated from all samples" in output["title"]
+    assert output["estimated_from_all"] and "(part held out)" in printed("identify", path)
     held_out = result("identify", path, "--held-out", 0.25)
+    assert not held_out["estimated_from_all"] and "the model is not estimated from them" in held_out["title"]
     assert held_out["samples"] == 1200 and held_out["dc_gain"] != pytest.approx(whole["dc_gain"], rel=1e-6)
     assert held_out["fit"]["simulation"] == pytest.approx(output["fit"]["simulation"])
     shown = printed("identify", path, "--method", "arx", "--validate", path)

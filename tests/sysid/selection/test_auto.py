@@ -240,3 +240,15 @@ def test_output_error_alone_is_not_preferred_for_following_a_slow_sine(seed):
     sine = np.sqrt(2) * np.sin(2 * np.pi * 3.3 * np.arange(samples) / 400 + 1) + 0.2 * rng.standard_normal(samples)
     choice = auto(IOData(u, plant + 0.3 * plant.std() * sine, 0.02), methods=["oe"])
     assert choice.candidates[0].orders == {"nb": 1, "nf": 1, "nk": 1}
+
+
+def test_a_constant_takes_the_place_of_roots_at_one():
+    """A servo from rest about a mean that is no operating point: C and D that cancel at one stood for the constant."""
+    rng = np.random.default_rng(21)
+    u = np.repeat(rng.choice([-1.0, 1.0], 150), 15) + 0.3
+    y = scipy.signal.lfilter(np.append(np.zeros(9), [0.02, 0.018]), [1.0, -1.7, 0.725], u)
+    y += 0.05 * y.std() * rng.standard_normal(len(u))
+    choice = auto(IOData(u, y, 0.01).detrend())
+    alone = auto(IOData(u, y, 0.01).detrend(), methods=["oe"])
+    best = choice.candidates[0]
+    assert best.method == "oe" and best.ebic <= alone.candidates[0].ebic + 1e-6

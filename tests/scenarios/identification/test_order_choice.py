@@ -1,0 +1,97 @@
+"""What judges a chosen model, and what a verdict makes of few samples and coarse steps, on records of known truth."""
+
+import warnings
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from scenarios.identification.file_identification import identify_files
+from scenarios.identification.result_tables import verdict
+
+DT = 0.05
+GAIN = 2.0
+
+
+def written(path, u, y):
+    columns = np.column_stack((DT * np.arange(len(u)), u, y))
+    np.savetxt(path, columns, delimiter=",", header="t,u,y", comments="")
+    return path
+
+
+def held(rng, samples, hold):
+    return np.repeat(rng.choice([-1.0, 1.0], -(-samples // hold)), hold)[:samples]
+
+
+def lag(u):
+    """Gain 2, time constant of 4.5 samples, two samples of delay."""
+    return lfilter([0.0, 0.0, 0.4], [1.0, -0.8], u)
+
+
+def identified(files, **options):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return identify_files(files, **options)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "oe", "orders": (1, 1, 2), "held_out": 0.25}])
+def test_the_end_of_a_run_is_judged_about_the_level_of_that_run(tmp_path, options):
+    """Levels of three files, far apart; the longest one is judged, whichever it is."""
+    rng = np.random.default_rng(6)
+    files = []
+    for k, (level, samples) in enumerate(((100.0, 600), (-50.0, 800), (7.0, 500))):
+        u = held(rng, samples, 5)
+        y = lag(u) + level + 0.05 * rng.standard_normal(samples)
+        files.append(written(tmp_path / f"run{k}.csv", u + 0.1 * level, y))
+    found = identified(files, **options)
+    assert found.result.fit.simulation.item() > 90.0
+    assert verdict(found.result).startswith("sufficient")
+    assert found.result.fitted.estimate.dc_gain().item() == pytest.approx(GAIN, rel=0.03)
+
+
+def test_a_step_late_in_the_record_takes_part_in_the_estimate(tmp_path):
+    """Before the last quarter no input would move."""
+    rng = np.random.default_rng(7)
+    u = np.where(np.arange(600) < 480, 0.0, 1.0)
+    path = written(tmp_path / "late.csv", u, lag(u) + 0.02 * rng.standard_normal(600))
+    found = identified([path])
+    assert found.held_out == 0.0
+    assert any("or none before it" in warning for warning in found.warnings)
+    assert found.result.fitted.estimate.dc_gain().item() == pytest.approx(GAIN, rel=0.03)
+
+
+def test_few_samples_for_each_parameter_are_not_sufficient(tmp_path):
+    rng = np.random.default_rng(8)
+    u = held(rng, 60, 4)
+    path = written(tmp_path / "short.csv", u, lag(u) + 0.05 * rng.standard_normal(60))
+    enough = identified([path], method="oe", orders=(1, 1, 2))
+    assert verdict(enough.result).startswith("sufficient")
+    too_many = identified([path], method="bj", orders=(2, 2, 2, 2, 2))
+    assert "60 samples are few for 8 parameters, 80 or more would tell" in verdict(too_many.result)
+
+
+@pytest.mark.parametrize(("step", "is_sufficient"), [(0.01, True), (0.5, False)])
+def test_coarse_steps_of_an_encoder_are_not_explained_by_rounding(tmp_path, step, is_sufficient):
+    """Steps of an eighth of the output's range give a first-order model of a second-order servo."""
+    rng = np.random.default_rng(9)
+    u = held(rng, 1500, 50)
+    y = lfilter([0.0, 0.0, 0.02, 0.02], [1.0, -1.6, 0.62], u)
+    path = written(tmp_path / "encoder.csv", u, step * np.round(y / step))
+    found = identified([path])
+    assert verdict(found.result).startswith("sufficient") == is_sufficient
+
+
+def test_the_next_command_of_a_choice_never_loses_delays(tmp_path):
+    """Known delays of a state-space model have no option: the choice itself gives them again."""
+    rng = np.random.default_rng(10)
+    u = np.column_stack((held(rng, 900, 5), held(rng, 900, 7)))
+    first, second = lfilter([0.0] * 4 + [0.4], [1.0, -0.8], u[:, 0]), lfilter([0.0] * 6 + [0.3], [1.0, -0.7], u[:, 1])
+    y = np.column_stack((first + second, first - second)) + 0.02 * rng.standard_normal((900, 2))
+    path = tmp_path / "two.csv"
+    columns = np.column_stack((DT * np.arange(900), u, y))
+    np.savetxt(path, columns, delimiter=",", header="t,u1,u2,y1,y2", comments="")
+    found = identified([path], input=("u1", "u2"), output=("y1", "y2"))
+    best = found.choice.candidates[0]
+    assert any(best.orders["nk"]) and tuple(found.result.fitted.orders["nk"]) == tuple(best.orders["nk"])
+    assert found.chosen_options == {}
+    np.testing.assert_allclose(found.result.fitted.estimate.dc_gain(), [[2.0, 1.0], [2.0, -1.0]], atol=0.05)
