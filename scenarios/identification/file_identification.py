@@ -19,8 +19,9 @@ from sysid.records.channels import listed
 from sysid.records.importers import one_interval
 
 STEADY_END = (
-    "nothing is held out, because no input moves in the last quarter of the record, or none before it: verdict and "
-    "fits are on the samples that the model was estimated from; another record would judge it (--validate)"
+    "nothing is held out, because no input moves in the last quarter of the record, or one moves there at other "
+    "frequencies than before: verdict and fits are on the samples that the model was estimated from; another record "
+    "would judge it (--validate)"
 )
 """Remark on a record without an end to judge on."""
 
@@ -160,7 +161,7 @@ def identify_files(
             validation = read(validate, joint=joints_of(records[0]) or joint, test=validate_test)
             check = usable(validation, skip, validate, validate_test)
         elif share > 0.0:
-            records, check = hold_out(records, share)
+            records, check = hold_out(records, share, is_asked_for=held_out is not None)
             if held_out is not None and check is None:
                 samples = max(map(len, records))
                 raise ScenarioError(

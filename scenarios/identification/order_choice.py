@@ -5,12 +5,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+import scipy.signal
+
 import sysid
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice
 from sysid.polynomial.fit_with_offset import subtract_means
+from sysid.records.arrays import FloatArray
 from sysid.selection import choose_impulseest, choose_procest, choose_tfest
 from sysid.selection.structure_search import ORDERS
 
@@ -22,6 +26,13 @@ HELD_OUT = 0.25
 
 STEADY = 0.02
 """Deviation of an input in the held-out part, relative to that in the record, up to which it does not move there."""
+
+ALIKE = 0.2
+"""Least common power of an input in the part held out and before it. Random and binary inputs, tones and steps that
+repeat have 0.5 and more, chirps over the whole record at most 0.05."""
+
+LEAST_SEGMENT, MOST_SEGMENT = 32, 1024
+"""Samples of the segments of these spectra."""
 
 SHORTEST = 400
 """Samples of the longest record from which on a part is held out; fewer are needed for the choice."""
@@ -106,12 +117,19 @@ def _chosen(choice: StructureChoice) -> tuple[str, list[Any]]:
 
 
 def hold_out(
-    records: tuple[IOData, ...], share: float = HELD_OUT
+    records: tuple[IOData, ...], share: float = HELD_OUT, *, is_asked_for: bool = False
 ) -> tuple[tuple[IOData, ...], tuple[IOData, ...] | None]:
     """Records to estimate from, and the end of the longest one, which judges the model; None if it cannot.
 
-    It cannot where the record is too short, or where no input moves in it or before it. The samples before it, as many
-    as it has, give the state from which it is simulated: one fitted to the judged samples would follow any drift.
+    It cannot where the record is too short, or where no input moves in it. Unless it is asked for, it does not where it
+    or the rest alone tells too little: an input moves at other frequencies in it than before, as a chirp does, or not
+    before it. The samples before it, as many as it has, give the state from which it is simulated: one fitted to the
+    judged samples would follow any drift.
+
+    Args:
+        records: All records.
+        share: Part of the longest one that is held out.
+        is_asked_for: Whether the part was asked for.
     """
     longest = max(range(len(records)), key=lambda k: len(records[k]))
     # So short a record is needed whole for the choice; it then judges its own model.
@@ -119,12 +137,36 @@ def hold_out(
         return records, None
     whole = records[longest]
     end = round((1.0 - share) * len(whole))
-    spread = STEADY * whole.u.std(axis=0)
-    moved, moved_before = whole.u[end:].std(axis=0) > spread, whole.u[:end].std(axis=0) > spread
-    # a last step needs the whole record for the estimate, where no other one has it
-    if not moved.any() or (len(records) == 1 and not moved_before.all()):
+    moving = np.flatnonzero(whole.u[end:].std(axis=0) > STEADY * whole.u.std(axis=0))
+    if not len(moving):
         return records, None
     to_estimate = list(records)
     to_estimate[longest] = whole[:end]
+    if not is_asked_for:
+        for j in moving.tolist():
+            if _common_power([record.u[:, j] for record in to_estimate], whole.u[end:, j]) < ALIKE:
+                return records, None
     before = min(end, len(whole) - end)
     return tuple(to_estimate), (replace(whole[end - before :], window=before),)
+
+
+def _common_power(before: Sequence[FloatArray], end: FloatArray) -> float:
+    """Part of the power of an input (N_i,) that lies at the same frequencies in two parts; 0 if the first is constant.
+
+    The sum of the smaller one of two spectra [Welch1967], each of unit power: 1 for equal spectra, 0 for those that
+    exclude each other.
+    """
+    length = int(np.clip(len(end) // 4, LEAST_SEGMENT, MOST_SEGMENT))
+    of_end = _power_spectrum(end, length)
+    of_rest = np.zeros_like(of_end)
+    for u in before:
+        of_rest += len(u) * _power_spectrum(u, length)
+    if not of_rest.any():
+        return 0.0
+    return float(np.minimum(of_rest / of_rest.sum(), of_end / of_end.sum()).sum())
+
+
+def _power_spectrum(u: FloatArray, length: int) -> FloatArray:
+    _, power = scipy.signal.welch(u, nperseg=min(length, len(u)), nfft=length, detrend="constant")
+    # a constant has no power but for rounding
+    return np.zeros_like(power) if np.ptp(u) == 0.0 else np.asarray(power)

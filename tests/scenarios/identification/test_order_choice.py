@@ -56,8 +56,25 @@ def test_a_step_late_in_the_record_takes_part_in_the_estimate(tmp_path):
     path = written(tmp_path / "late.csv", u, lag(u) + 0.02 * rng.standard_normal(600))
     found = identified([path])
     assert found.held_out == 0.0
-    assert any("or none before it" in warning for warning in found.warnings)
+    assert any("nothing is held out" in warning for warning in found.warnings)
     assert found.result.fitted.estimate.dc_gain().item() == pytest.approx(GAIN, rel=0.03)
+
+
+@pytest.mark.parametrize("ends", [(0.05, 8.0), (8.0, 0.05)])
+def test_a_chirp_over_the_whole_record_is_not_judged_at_frequencies_of_its_end_alone(tmp_path, ends):
+    rng = np.random.default_rng(12)
+    t = DT * np.arange(1200)
+    u = np.sin(2.0 * np.pi * (ends[0] * t + 0.5 * (ends[1] - ends[0]) * t**2 / t[-1]))
+    y = lag(u)
+    path = written(tmp_path / "chirp.csv", u, y + 0.05 * y.std() * rng.standard_normal(1200))
+    found = identified([path])
+    assert found.held_out == 0.0 and verdict(found.result).startswith("sufficient")
+    assert any("at other frequencies than before" in warning for warning in found.warnings)
+    assert found.result.fitted.estimate.dc_gain().item() == pytest.approx(GAIN, rel=0.03)
+    # of 0.4/(1 - 0.8/q), by its half-power frequency
+    assert found.result.fitted.claims[0][0].hz == pytest.approx(0.716, rel=0.05)
+    asked = identified([path], held_out=0.25)
+    assert asked.held_out == 0.25
 
 
 def test_few_samples_for_each_parameter_are_not_sufficient(tmp_path):
