@@ -115,7 +115,8 @@ def test_identify_reads_all_of_them(result, complaint, made, tmp_path):
     assert reference["fit"]["simulation"][0] > 95
     for ending, words in ((".asc", ()), (".mat", ()), (".csv", ("--joint", "elbow_pitch"))):
         output = result("identify", made / f"siso-5-elbow_pitch{ending}", *OE, *words, "--skip", "4")
-        assert output == reference
+        # the title names the file
+        assert {**output, "title": ""} == {**reference, "title": ""}
     bus = result("identify", made / "run-1.ch10", "--test", "siso-5-elbow_pitch", *OE, "--skip", "4")
     # Gaps cost samples, not truth: the model of the parts is that of the whole.
     assert bus["bandwidth_hz"] == pytest.approx(reference["bandwidth_hz"], rel=0.02)
