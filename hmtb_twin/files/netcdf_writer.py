@@ -34,7 +34,7 @@ IN_FILE, IN_MEMORY = h5t.py_create(TEXT, logical=True), h5t.py_create(TEXT)
 def netcdf_bytes(
     sizes: Mapping[str, int], variables: Mapping[str, Variable], attributes: Mapping[str, Attribute]
 ) -> bytes:
-    """Write a file in memory; a dimension of size 0 is unlimited."""
+    """Return the bytes of a NetCDF-4 file; a dimension of size 0 is unlimited."""
     creation = h5p.create(h5p.FILE_CREATE)
     _bare(creation)
     creation.set_link_creation_order(h5p.CRT_ORDER_TRACKED | h5p.CRT_ORDER_INDEXED)

@@ -83,7 +83,7 @@ class FittedModel:
 
     @property
     def weighting(self) -> tuple[int, int] | None:
-        """Degrees of C and D of the model of the disturbance that weighted the errors; None if all count alike."""
+        """Degrees (nc, nd) of the disturbance model C/D that weighted the errors; None for equal weights."""
         beside = self.estimate.diagnostics.get("weighting")
         return None if beside is None else (len(beside.C) - 1, len(beside.D) - 1)
 
@@ -270,7 +270,7 @@ def fit_model(
 
 
 def _start(method: str, near: Estimate | None) -> dict[str, Any]:
-    """The option that begins the search of an estimator at a model; empty for those that do not search."""
+    """The argument `start=` of an estimator that begins its search at a model; empty if it takes none."""
     if near is None or "start" not in signature(ESTIMATORS[method].function).parameters:
         return {}
     if isinstance(near, ContinuousEstimate):

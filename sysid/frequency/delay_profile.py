@@ -257,7 +257,7 @@ class ProfileSearch:
             self._improve(key, self.fits[key].theta, FIRST_STEPS)
 
     def _promising(self, key: Structure, theta: FloatArray, lowest: float) -> Linearisation | None:
-        """The errors at a start; None where their linear model stays far above a cost that another delay has."""
+        """Prediction errors at a start; None if their linear model predicts a far higher cost than at another delay."""
         orders = _orders(*key)
         at = linearise(self.records, orders, theta)
         longest = max(map(len, self.records))

@@ -470,7 +470,7 @@ def _has_died_out(response: FloatArray, negligible: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class OrthonormalBasis:
-    """Orthonormal basis of transients until they have died out; dependent ones (inputs with equal F) are dropped.
+    """Orthonormal basis of transients, as long as they last; dependent ones (of inputs with equal F) are left out.
 
     Attributes:
         columns: The basis (rows, k).
@@ -526,7 +526,7 @@ class FreeResponse:
 
 
 NO_RESPONSE = FreeResponse(np.zeros((0, 0)), 0)
-"""That of a record from rest."""
+"""Free response of a record from rest, which has none."""
 
 
 class FreeResponses:

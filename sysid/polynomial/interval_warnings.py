@@ -97,7 +97,7 @@ def _delayed(signal: FloatArray, lag: int) -> FloatArray:
 
 
 def _nearly_cancelling(orders: Orders, theta: FloatArray, errors: int, constraint: Constraint | None) -> list[str]:
-    """Message on C and D, of a time series on C and A, that could nearly do with a root less.
+    """Warning that C and D (C and A of a time series) nearly share a root.
 
     Beside an input, its path determines A or F, whatever C is.
     """

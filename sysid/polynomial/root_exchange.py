@@ -1,4 +1,4 @@
-"""Neighbouring minima of structures with A and F: a root of A exchanged for one of F."""
+"""Further starts of a search over A and F: a root of A changes places with a root of F."""
 
 from collections.abc import Iterator, Sequence
 

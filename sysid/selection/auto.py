@@ -455,7 +455,7 @@ def _interchange_question(experiments: Experiments) -> str:
 
 
 def _stable_first(experiments: Experiments, search: StructureSearch) -> tuple[tuple[Candidate, ...], Fitted | None]:
-    """The candidates, the best first, and its model if it was needed.
+    """Candidates, the best first, and the model of that one if it had to be estimated.
 
     Half of all estimates of a pole at one exceed one: a candidate whose model is unstable although it was not makes way
     for the next one that is what it was. Far inside the unit circle no model need be estimated to see that.

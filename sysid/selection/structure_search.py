@@ -449,7 +449,6 @@ class StructureSearch:
             if not unfinished or self.exact:
                 return
             fit = unfinished[0]
-            self.fits[fit.orders] = replace(fit, is_finished=True)
             minimum = minimise(
                 self.experiments,
                 fit.orders,
@@ -458,8 +457,9 @@ class StructureSearch:
                 tolerance=UNTOLD / self.samples,
             )
             self.candidates = [candidate for candidate in self.candidates if candidate is not fit.candidate]
-            finished = self._record_fit(fit.orders, minimum)
-            self.fits[fit.orders] = Fit(fit.orders, minimum.at.theta, finished, is_finished=True)
+            self._record_fit(fit.orders, minimum)
+            # no search is continued twice
+            self.fits[fit.orders] = replace(self.fits[fit.orders], is_finished=True)
 
     def _initial_estimates(self, orders: Orders, base: Fit | None) -> Iterator[InitialEstimate]:
         """The best smaller fit, the base of the change, and without a base some that do not depend on earlier fits."""

@@ -36,7 +36,7 @@ def identified(files, **options):
 
 @pytest.mark.parametrize("options", [{}, {"method": "oe", "orders": (1, 1, 2), "held_out": 0.25}])
 def test_the_end_of_a_run_is_judged_about_the_level_of_that_run(tmp_path, options):
-    """Levels of three files, far apart; the longest one is judged, whichever it is."""
+    """Three files with mean outputs 100, -50 and 7: the end of the longest judges the model."""
     rng = np.random.default_rng(6)
     files = []
     for k, (level, samples) in enumerate(((100.0, 600), (-50.0, 800), (7.0, 500))):

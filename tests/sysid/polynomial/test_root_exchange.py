@@ -1,4 +1,4 @@
-"""A root of A exchanged for one of F leaves the path from the input as it is."""
+"""Starts of a search in which a root of A and a root of F change places: B/(A F) stays the same."""
 
 import numpy as np
 import pytest

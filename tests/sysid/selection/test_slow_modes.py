@@ -112,7 +112,7 @@ def test_where_input_and_output_follow_from_each_other_the_choice_says_so():
 
 
 def test_searches_of_the_best_candidates_come_to_their_end():
-    """Poles of armax on their way to the unit circle, along a slow sine, looked like those of the plant."""
+    """An armax search that stops early takes the poles of a slow sine for those of the plant."""
     plant, (record,) = KINDS["slow sine"](np.random.default_rng([83, 14]))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
