@@ -289,6 +289,8 @@ def test_a_damaged_submission_ends_no_grading_and_leaves_nothing_behind(school, 
         (submissions / person).mkdir(parents=True)
         (submissions / person / f"{record.name}.mat").write_bytes(HEAD + content)
     grades = grade_all(school.withheld, submissions)
-    assert f"ann/{record.name}.mat" in grades["ann"] and "reading it crashed" in grades["ann"]
-    assert f"bob/{record.name}.mat" in grades["bob"] and "reading it crashed" in grades["bob"]
+    # SciPy looks a type that does not exist up outside of its table: what it finds there differs from run to run
+    for person in damage:
+        assert f"{person}/{record.name}.mat" in grades[person] and "not a .mat file" in grades[person]
+    assert "reading it crashed" in grades["bob"]
     assert list(scratch.iterdir()) == []
