@@ -17,6 +17,7 @@ from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.response_features import response_features
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.printing import AT_ZERO, poles_table
+from sysid.records.excited_band import excited_band
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
 
@@ -42,7 +43,7 @@ FEW = 10
 """Samples for each parameter below which no interval is a promise: of bj at ten, those of 95 % held in 79 %."""
 
 GRID = 50
-"""Frequencies at which the largest gain is looked for."""
+"""Frequencies, up to the highest that the input excites, at which the largest gain is looked for."""
 
 BEST = 8
 """Most candidates that are listed."""
@@ -253,19 +254,23 @@ def _undetermined(result: Identification) -> str:
     """What of gain and bandwidth the record leaves open, in words; empty if nothing.
 
     The gain is that at the lowest frequency of the record: an integrator has none at 0 Hz. Where it is small beside the
-    gain at other frequencies, nothing depends on it. The 99 % intervals, widened by as much as other
+    gain at other excited frequencies, nothing depends on it. The 99 % intervals, widened by as much as other
     structures that fit as well differ, must lie within `CLOSE`.
     """
     fitted, (of_gain, of_bandwidth) = result.fitted, result.disagreement
     first = fitted.parts[0]
     lowest = 1.0 / (max(map(len, fitted.parts)) * first.dt)
-    response = fitted.estimate.frequency_response(np.linspace(lowest, 0.5 / first.dt, GRID))
+    # above the frequencies that an input excites the response is that of the structure, of whatever size
+    highest = [max(excited_band(part, input=j)[1] for part in fitted.parts) for j in range(first.nu)]
+    frequencies = np.linspace(lowest, max(lowest, *highest), GRID)
+    response = fitted.estimate.frequency_response(frequencies)
     if response.covariance is None:
         return ""
     samples, parameters = sum(int(part.known.sum()) for part in fitted.parts), len(fitted.estimate.parameters)
     if samples < FEW * parameters:
         return f"{samples} samples are few for {parameters} parameters, {FEW * parameters} or more would tell"
-    magnitude = np.abs(response.response)
+    is_excited = frequencies[:, None] <= np.maximum(highest, lowest)
+    magnitude = np.where(is_excited[:, None, :], np.abs(response.response), 0.0)
     deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
     integrates = fitted.integrates
     if integrates:

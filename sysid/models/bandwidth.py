@@ -136,7 +136,8 @@ def _smooth(variance: FloatArray) -> FloatArray:
 WIDEST = 100.0  # ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined
 INTEGRATES = 1e-6  # distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with
 DETECTED = 16.0  # power of a response above a frequency, in variances of the disturbance per line: four deviations
-EXTRAPOLATED = 1.2  # bandwidth, relative to the highest excited frequency, up to which a response is taken as smooth
+BEYOND = 1.2  # bandwidth, relative to the highest excited frequency, from which on a warning says so
+EXTRAPOLATED = 1.5  # likewise, from which on it is withheld: up to here the response is taken as smooth
 ROUNDING = 1e-12  # power of a line, relative to the strongest, that may be rounding of the record
 
 
@@ -178,6 +179,7 @@ def bandwidth_claim(
     lowest, _ = excited_band(record, input=input)
     poles = sampled_poles(estimate)
     objections: list[str] = []
+    remarks: list[str] = []
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
         objections.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
     elif np.isfinite(hz):
@@ -188,15 +190,20 @@ def bandwidth_claim(
                 f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, extrapolated to {hz / highest:.2g} "
                 f"times the highest frequency that the input excites, {highest:.2g} Hz"
             )
+        elif hz > BEYOND * highest:
+            remarks.append(
+                f"the bandwidth is extrapolated: it is {hz / highest:.2g} times the highest frequency that the input "
+                f"excites, {highest:.2g} Hz; its interval holds if the response is smooth between them"
+            )
     elif estimate.model.is_stable() and float(estimate.dc_gain()[output, input]) != 0.0:
         nyquist = 0.5 / record.dt
         highest = _highest_excited(estimate, (record, *judged), output, input, nyquist)
-        if EXTRAPOLATED * highest < nyquist:
+        if BEYOND * highest < nyquist:
             objections.append(
                 f"the bandwidth is not determined: the model has none, but the input excites nothing above "
                 f"{highest:.2g} Hz"
             )
-    warnings = list(objections)
+    warnings = objections + remarks
     if lowest > 0:
         warnings.append(
             f"nothing below {lowest:.2g} Hz is excited; the gain at 0 Hz, and with it the bandwidth, is extrapolated"
