@@ -18,8 +18,9 @@ from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.adapted_estimators import integrates
 from scenarios.identification.methods import ESTIMATORS, estimate
 from scenarios.identification.run_agreement import RunAgreement, run_agreement
+from scenarios.identification.static_gain import gain_told_by
 from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
-from sysid.models.bandwidth import BandwidthClaim, bandwidth_claim
+from sysid.models.bandwidth import INTEGRATES, BandwidthClaim, bandwidth_claim
 from sysid.models.continuous_estimate import ContinuousEstimate, sampled_poles
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.polynomial.orders import Orders
@@ -80,6 +81,17 @@ class FittedModel:
         longest = max(map(len, self.parts))
         distances = np.abs(sampled_poles(self.estimate) - 1.0)
         return bool((distances < 1.0 / (LASTING * longest)).any())
+
+    @property
+    def gain(self) -> FloatArray:
+        """Gain at 0 Hz of every path (ny, nu), NaN of those that integrate for the records."""
+        return gain_told_by(self.estimate, self.parts[0].dt, max(map(len, self.parts)))
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether a mode that the input drives grows; an integrator does not."""
+        path = self.estimate.model.input_path()
+        return bool(np.abs(path.poles()).max(initial=0.0) > 1.0 + INTEGRATES)
 
     @property
     def weighting(self) -> tuple[int, int] | None:
@@ -167,12 +179,15 @@ class Identification:
         fitted, fit, model, first = self.fitted, self.fit, self.fitted.estimate, self.fitted.parts[0]
         bandwidths = [[claim.hz for claim in row] for row in fitted.claims]
         intervals = [[[claim.low, claim.high] for claim in row] for row in fitted.claims]
-        gains = model.dc_gain().tolist()
+        gains = fitted.gain.tolist()
         is_single_path = first.nu == first.ny == 1
         residuals = None
         if self.test is not None:
             residuals = {name: getattr(self.test, name) for name in ("passed", "whiteness_p", "independence_p")}
         point = model.operating_point
+        if point is not None:
+            # an output that integrates rests at any level
+            point = point[0], np.where(np.isfinite(fitted.gain).all(axis=1), point[1], np.nan)
         return {
             "orders": fitted.orders,
             "weighting": fitted.weighting and list(fitted.weighting),
@@ -419,7 +434,7 @@ def _of_all_samples(judged: FittedModel, whole: Sequence[IOData], fit: Callable[
         again = fit(whole, near=model)
     except SysidError:
         return judged
-    return again if again.estimate.model.input_path().is_stable() == model.model.input_path().is_stable() else judged
+    return again if again.is_unstable == judged.is_unstable else judged
 
 
 def _about_own_trends(model: Estimate, records: Sequence[IOData], trend: Mapping[str, bool]) -> tuple[IOData, ...]:

@@ -10,14 +10,14 @@ from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.identification import FittedModel, Identification, deviations
 from scenarios.identification.run_agreement import RunAgreement
-from sysid import Estimate, FrequencyResponse, IOData, ResidualTest, StateSpace, StructureChoice
+from sysid import Estimate, IOData, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.response_features import response_features
-from sysid.records.arrays import ComplexArray, FloatArray
-from sysid.records.printing import AT_ZERO, poles_table
+from sysid.records.arrays import ComplexArray
 from sysid.records.excited_band import excited_band
+from sysid.records.printing import AT_ZERO, poles_table
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
 
@@ -50,15 +50,6 @@ BEST = 8
 
 ROUNDING = 1e-12
 """Means below it are what the subtraction of a mean leaves of zero."""
-
-SLOWEST = 1e-6
-"""Frequency, relative to Nyquist, with whose gain that at 0 Hz is compared."""
-
-INTEGRATES = 1e3
-"""Gain at 0 Hz, relative to that at `SLOWEST`, from which on a path integrates: rounding gives it a finite gain."""
-
-VANISHING = 1e-9
-"""Gain at 0 Hz, relative to that at `SLOWEST`, below which it is rounding of zero."""
 
 SMALLEST_DECIMAL, LARGEST_DECIMAL = 1e-2, 1e6
 """Gains between which four decimals show enough digits; beyond them units are very unlike."""
@@ -194,7 +185,7 @@ def verdict(result: Identification) -> str:
     if result.agreement is not None and result.agreement.words:
         # Runs that differ also look nonlinear to the model of all of them.
         return f"not sufficient: {result.agreement.words}; simulated fit {fits}"
-    if not result.fitted.estimate.model.input_path().is_stable():
+    if result.fitted.is_unstable:
         return _verdict_of_unstable(result)
     # "not >=" also catches the fit of a simulation that overflows, which may be NaN.
     if not lowest >= 0.0:
@@ -288,6 +279,8 @@ def _undetermined(result: Identification) -> str:
                 f"{deviation[i, j]:.2g}{differ}; a longer record, or more of the input at low frequencies, would tell"
             )
         claim = fitted.claims[i][j]
+        if claim.refused and not integrates and value >= SMALL * magnitude[:, i].max():
+            return f"{claim.warnings[0]}{path}; a record whose input excites these frequencies would tell"
         ratio = (claim.high / claim.low) ** (0.5 * NORMAL_99 / NORMAL_95) if claim.low > 0.0 else 1.0
         if ratio * of_bandwidth > 1.0 + CLOSE:
             differ = others.format(of_bandwidth - 1.0) if of_bandwidth > 1.0 else ""
@@ -295,8 +288,6 @@ def _undetermined(result: Identification) -> str:
                 f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz{differ}; a longer "
                 "record, or more of the input at these frequencies, would tell"
             )
-        if claim.refused and not integrates and value >= SMALL * magnitude[:, i].max():
-            return f"{claim.warnings[0]}{path}; a record whose input excites these frequencies would tell"
     return ""
 
 
@@ -334,7 +325,12 @@ def _operating_point_rows(fitted: FittedModel, unit: str) -> list[tuple[str, str
     channels = (*(first.input_names or ()), *(first.output_names or ()))
     levels = np.concatenate(point)
     levels = np.where(np.abs(levels) < ROUNDING, 0.0, levels)
-    named = (f"{name} {level:.4g}{unit}" for name, level in zip(channels, levels, strict=True))
+    # an output that integrates rests at any level
+    rests = np.concatenate((np.full(first.nu, True), np.isfinite(fitted.gain).all(axis=1)))
+    named = (
+        f"{name} {level:.4g}{unit}" if is_told else f"{name} none, it integrates"
+        for name, level, is_told in zip(channels, levels, rests, strict=True)
+    )
     rows = [("operating point", ", ".join(named))]
     slopes = [slope for slope in fitted.estimate.diagnostics.get("slopes", ()) if any(slope)]
     if slopes:
@@ -364,7 +360,7 @@ def _fit_rows(result: Identification, outputs: Sequence[str]) -> list[tuple[str,
         return ", ".join(f"{label} {value:.2f} %".strip() for label, value in zip(labels, fits, strict=True))
 
     in_simulation = "none: the model is unstable"
-    if result.judged.estimate.model.input_path().is_stable():
+    if not result.judged.is_unstable:
         in_simulation = percents(fit.simulation) + where
     rows = [("fit in simulation", in_simulation), ("fit one step ahead", percents(fit.one_step) + where)]
     if fit.steps > 1:
@@ -372,23 +368,9 @@ def _fit_rows(result: Identification, outputs: Sequence[str]) -> list[tuple[str,
     return rows
 
 
-def gain_at_zero(model: Estimate | StateSpace, dt: float) -> FloatArray:
-    """Gain at 0 Hz (ny, nu), NaN for paths that integrate, whatever the units of the channels; interval dt, s."""
-    gain = np.asarray(model.dc_gain())
-    # a size relative to the response itself: gains of unlike units may be of any size
-    response = model.frequency_response(np.array([SLOWEST * 0.5 / dt]))
-    slow = np.abs(response.response[0] if isinstance(response, FrequencyResponse) else response[0])
-    with np.errstate(invalid="ignore"):
-        # rounding leaves the pole of an integrator beside one, and its gain finite
-        integrates = ~np.isfinite(gain) | ((np.abs(gain) >= INTEGRATES * slow) & (gain != 0.0))
-    # a zero at 0 Hz leaves rounding
-    vanishes = np.abs(gain) < VANISHING * slow
-    return np.where(integrates, np.nan, np.where(vanishes, 0.0, gain))
-
-
 def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
     first = fitted.parts[0]
-    gain = gain_at_zero(fitted.estimate, first.dt)
+    gain = fitted.gain
     inputs, outputs = first.input_names or (), first.output_names or ()
     rows = []
     for i, claims in enumerate(fitted.claims):

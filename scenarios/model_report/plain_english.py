@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from scenarios.identification.file_identification import FileIdentification
-from scenarios.identification.result_tables import gain_at_zero, verdict
+from scenarios.identification.result_tables import verdict
 from sysid.models.confidence_bands import band
 
 GRADES = {"sufficient": "yes", "undecided": "partly", "not sufficient": "not", "residuals not tested": "cannot"}
@@ -53,7 +53,7 @@ def summary(found: FileIdentification) -> Summary:
 def _gains(found: FileIdentification) -> list[list[str]]:
     """Gain at 0 Hz of every path with its 95 % interval, in words."""
     estimate = found.result.fitted.estimate
-    gain = gain_at_zero(estimate, found.result.fitted.parts[0].dt)
+    gain = found.result.fitted.gain
     low = high = np.full(gain.shape, np.nan)
     if np.isfinite(estimate.covariance).all() and np.isfinite(estimate.dc_gain()).all():
         low, high = band(estimate, lambda model: model.dc_gain()).ci95

@@ -136,8 +136,8 @@ def _smooth(variance: FloatArray) -> FloatArray:
 WIDEST = 100.0  # ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined
 INTEGRATES = 1e-6  # distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with
 DETECTED = 16.0  # power of a response above a frequency, in variances of the disturbance per line: four deviations
-BEYOND = 1.2  # bandwidth, relative to the highest excited frequency, from which on a warning says so
-EXTRAPOLATED = 1.5  # likewise, from which on it is withheld: up to here the response is taken as smooth
+EXTRAPOLATED = 1.2  # bandwidth, relative to the highest excited frequency, up to which a response is taken as smooth
+BEYOND_LINES = 1.5  # likewise, relative to the highest strong line of the input, near which the response is known well
 ROUNDING = 1e-12  # power of a line, relative to the strongest, that may be rounding of the record
 
 
@@ -185,12 +185,13 @@ def bandwidth_claim(
     elif np.isfinite(hz):
         objections += _bandwidth_objections((hz, low, high), record, lowest)
         highest = _highest_excited(estimate, (record, *judged), output, input, hz)
-        if hz > EXTRAPOLATED * highest:
+        of_lines = _highest_line((record, *judged), input)
+        if hz > max(EXTRAPOLATED * highest, BEYOND_LINES * of_lines):
             objections.append(
                 f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, extrapolated to {hz / highest:.2g} "
                 f"times the highest frequency that the input excites, {highest:.2g} Hz"
             )
-        elif hz > BEYOND * highest:
+        elif hz > EXTRAPOLATED * highest:
             remarks.append(
                 f"the bandwidth is extrapolated: it is {hz / highest:.2g} times the highest frequency that the input "
                 f"excites, {highest:.2g} Hz; its interval holds if the response is smooth between them"
@@ -198,7 +199,7 @@ def bandwidth_claim(
     elif estimate.model.is_stable() and float(estimate.dc_gain()[output, input]) != 0.0:
         nyquist = 0.5 / record.dt
         highest = _highest_excited(estimate, (record, *judged), output, input, nyquist)
-        if BEYOND * highest < nyquist:
+        if EXTRAPOLATED * highest < nyquist:
             objections.append(
                 f"the bandwidth is not determined: the model has none, but the input excites nothing above "
                 f"{highest:.2g} Hz"
@@ -245,14 +246,16 @@ def _highest_excited(estimate: Estimate, records: Sequence[IOData], output: int,
 
     Lines too weak to stand out count as far as the response to them exceeds the disturbance.
     """
-    highest = 0.0
-    for record in records:
-        _, of_lines = excited_band(record, input=input)
-        highest = max(highest, of_lines, 1.0 / (len(record) * record.dt))
+    highest = max(_highest_line(records, input), *(1.0 / (len(record) * record.dt) for record in records))
     for record in records:
         if highest < enough:
             highest = max(highest, _highest_detected(estimate, record, output, input))
     return highest
+
+
+def _highest_line(records: Sequence[IOData], input: int) -> float:
+    """Highest frequency at which the spectrum of an input stands out in some record, Hz."""
+    return max(excited_band(record, input=input)[1] for record in records)
 
 
 def _highest_detected(estimate: Estimate, record: IOData, output: int, input: int) -> float:

@@ -9,8 +9,9 @@ from scipy.signal import lfilter
 
 from scenarios.identification.order_choice import choose_and_identify, hold_out
 from scenarios.identification.result_tables import model_rows, verdict
-from sysid import IOData
-from tests.benchmarks.nonlinear_joints import joint
+from sysid import IOData, Polynomials
+from sysid.models import innovations_form
+from tests.benchmarks.nonlinear_joints import joint, stiff_servo
 
 
 def identified(record, method=None):
@@ -22,6 +23,10 @@ def identified(record, method=None):
             to_estimate, method, check=check, continued=True, whole=whole if check else None
         )
     return result
+
+
+def held(rng, samples, hold):
+    return np.repeat(rng.choice([-1.0, 0.0, 1.0], -(-samples // hold)), hold)[:samples]
 
 
 @pytest.mark.parametrize(
@@ -70,6 +75,33 @@ def test_a_model_no_better_than_the_command_is_not_called_sufficient():
     assert result.baseline.delays == (2,)
     assert not verdict(result).startswith("sufficient")
     assert dict(model_rows(result))["fit of the command itself"].endswith("% (2 samples late)")
+
+
+def test_a_model_without_bandwidth_is_not_sufficient_where_its_input_excites_slow_motions_alone():
+    """A servo of 4.7 Hz under commands up to 1.3 Hz: the gain of the chosen model rises to 60 at Nyquist."""
+    servo, record = stiff_servo(np.random.default_rng([91, 44]))
+    result = identified(record)
+    b, a = servo.discrete(record.dt)
+    bandwidth = innovations_form(Polynomials(B=b, F=a), record.dt).bandwidth()[0, 0]
+    (claim,) = result.fitted.claims[0]
+    is_right = claim.hz == pytest.approx(bandwidth, rel=0.2)
+    assert is_right or verdict(result).startswith("undecided: the bandwidth is not determined")
+
+
+@pytest.mark.parametrize("method", [None, "tfest", "procest"])
+def test_an_integrator_has_neither_gain_nor_operating_point(method):
+    """A motor whose encoder starts at 4,000,000 counts: the verdict is that of its simulation."""
+    rng = np.random.default_rng(3)
+    u = held(rng, 4000, 20) + 0.05
+    speed = lfilter([0.0, 80.0], [1.0, -0.98], u)
+    record = IOData(u, np.round(4e6 + 0.1 * np.cumsum(speed)), 0.01)
+    result = identified(record, method)
+    rows = dict(model_rows(result))
+    assert verdict(result).startswith("sufficient: ")
+    assert rows["gain at 0 Hz"] == "none, it integrates"
+    assert result.record()["dc_gain"] is None or np.isnan(result.record()["dc_gain"])
+    assert rows.get("operating point", "y1 none, it integrates").endswith("y1 none, it integrates")
+    assert float(rows["fit in simulation"].split(" %")[0]) > 99.0
 
 
 def test_the_fit_of_the_command_stands_beside_that_of_the_model():

@@ -122,6 +122,23 @@ def test_a_bandwidth_above_the_tones_of_the_input_is_extrapolated(highest):
     assert judged.hz == pytest.approx(5.918, rel=0.01)
 
 
+def test_a_bandwidth_little_above_strong_lines_of_the_input_is_claimed_and_said_to_be_extrapolated():
+    dt, wn = 0.01, 2 * np.pi * 2.0
+    rng = np.random.default_rng(6)
+    b, a, _ = cont2discrete(([wn**2], [1.0, 1.6 * wn, wn**2]), dt)
+    # the exact bandwidth of a pair with damping 0.8: 0.871 of its natural frequency
+    for highest, is_claimed in ((1.3, True), (0.9, False)):
+        phases = rng.uniform(0, 6, 12)
+        t = np.arange(6000) * dt
+        u = sum(np.sin(2 * np.pi * highest * k / 12 * t + phases[k - 1]) for k in range(1, 13))
+        record = IOData(u, lfilter(b.ravel(), a, u) + 1e-2 * rng.standard_normal(len(u)), dt)
+        claim = bandwidth_claim(oe(record, 2, 2, 1), record)
+        assert claim.refused is not is_claimed
+        if is_claimed:
+            assert claim.hz == pytest.approx(0.871 * 2.0, rel=0.03)
+            assert "the bandwidth is extrapolated: it is 1.3 times the highest frequency" in claim.warnings[0]
+
+
 def test_weak_lines_count_where_the_response_exceeds_the_noise():
     """A single step: its spectrum falls far below the strongest line, but determines a fast plant."""
     u = np.where(np.arange(600) > 250, 1.0, 0.0)
