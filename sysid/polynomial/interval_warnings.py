@@ -1,9 +1,12 @@
-"""Warnings where the intervals of a noise model are known to be too short: the likelihood about it is no parabola."""
+"""Warnings where intervals are known to be too short: the likelihood about the estimate is no parabola."""
+
+from collections.abc import Sequence
 
 import numpy as np
 import scipy
 
 from sysid.models.polynomials import stabilised
+from sysid.polynomial.common_roots import SHARED_ROOT, EstimatedPolynomial, shared_root_strength
 from sysid.polynomial.constraints import Constraint
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import Orders
@@ -30,11 +33,16 @@ SETTLED = 0.98  # ratio of its distance to the last one at which they end
 
 
 def interval_messages(
-    orders: Orders, theta: FloatArray, errors: int, constraint: Constraint | None = None
+    orders: Orders,
+    theta: FloatArray,
+    errors: int,
+    covariance: FloatArray,
+    constraint: Constraint | None = None,
 ) -> list[str]:
-    """Reasons why intervals of the noise model are too short, of parameters (p,) from so many errors."""
+    """Reasons why intervals are too short, of parameters (p,) from so many errors, with their covariance (p, p)."""
     of_memory = _long_memory(orders, theta, errors) or _short_record(orders, errors)
-    return _nearly_cancelling(orders, theta, errors, constraint) + of_memory
+    of_noise = _nearly_cancelling(orders, theta, errors, constraint)
+    return _nearly_shared(orders, theta, covariance, constraint) + of_noise + of_memory
 
 
 def near_unit_circle(orders: Orders, theta: FloatArray) -> list[str]:
@@ -108,9 +116,7 @@ def _nearly_cancelling(orders: Orders, theta: FloatArray, errors: int, constrain
         name, denominator, of_denominator = "A", a, of_a
     if not orders.nc or len(denominator) == 1:
         return []
-    # a common root would move every coefficient of both: a known one holds it
-    free = constraint is None or all(constraint.basis[places].any(axis=1).all() for places in (of_c, of_denominator))
-    if not free:
+    if not _are_free((of_c, of_denominator), constraint):
         return []
     strength = cancellation_strength(c, denominator, errors)
     if strength >= STRENGTH:
@@ -122,6 +128,44 @@ def _nearly_cancelling(orders: Orders, theta: FloatArray, errors: int, constrain
         f"expected {STRENGTH:g} or more. Intervals of {first} and {second} are too short{of_path}. "
         f"Choose smaller n{first.lower()} and n{second.lower()}"
     ]
+
+
+def _are_free(places: Sequence[slice], constraint: Constraint | None) -> bool:
+    """Whether every coefficient is estimated: a common root would move them all, and a known one holds it."""
+    return constraint is None or all(constraint.basis[of_one].any(axis=1).all() for of_one in places)
+
+
+def _nearly_shared(
+    orders: Orders, theta: FloatArray, covariance: FloatArray, constraint: Constraint | None
+) -> list[str]:
+    """Warnings that B and F of an input, or A, B and C, nearly share a root.
+
+    A root of A and B alone is none that cancels: C/A has it. Linear least squares, without C, have exact intervals.
+    """
+    a, b, c, _, f = orders.split(theta)
+    of_a, of_b, of_c, _, of_f = orders.ranges
+    paths = [
+        EstimatedPolynomial(numerator[delay:], places)
+        for numerator, delay, places in zip(b, orders.nk, of_b, strict=True)
+    ]
+    sets: dict[str, list[EstimatedPolynomial]] = {}
+    for k, (path, denominator, places) in enumerate(zip(paths, f, of_f, strict=True)):
+        of_input = f" of input {k + 1}" if len(paths) > 1 else ""
+        sets[f"B and F{of_input}"] = [path, EstimatedPolynomial(denominator, places)]
+    if orders.nb and not orders.nd:
+        sets["A, B and C"] = [EstimatedPolynomial(a, of_a), *paths, EstimatedPolynomial(c, of_c)]
+    messages = []
+    for names, polynomials in sets.items():
+        if not _are_free([polynomial.places for polynomial in polynomials], constraint):
+            continue
+        strength = shared_root_strength(polynomials, covariance)
+        if strength < SHARED_ROOT:
+            messages.append(
+                f"{names} nearly share a root: what holds them apart is {np.sqrt(strength):.2g} standard deviations, "
+                f"expected {np.sqrt(SHARED_ROOT):.2g} or more. Intervals of these coefficients are too short. Choose "
+                "one order less of each"
+            )
+    return messages
 
 
 def _short_record(orders: Orders, errors: int) -> list[str]:

@@ -421,7 +421,7 @@ def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iteration
         covariance = _covariance(
             experiments, orders, at, half, variance, problem.initial_conditions, coloured=problem.coloured
         )
-        messages += interval_messages(orders, at.theta, at.errors, constraint)
+        messages += interval_messages(orders, at.theta, at.errors, covariance, constraint)
         return FitAtMinimum(at, covariance, variance, diagnostics, messages, None)
     huber = huber_fit(
         experiments,
@@ -434,9 +434,10 @@ def _fit_at_minimum(method: str, problem: Problem, result: Search, max_iteration
     )
     at = replace(at, theta=huber.theta)
     colour_order = _colour_order(at) if problem.coloured else 0
-    messages += huber.messages + interval_messages(orders, at.theta, at.errors, constraint)
+    covariance = huber.covariance(colour_order)
+    messages += huber.messages + interval_messages(orders, at.theta, at.errors, covariance, constraint)
     diagnostics |= huber.diagnostics
-    return FitAtMinimum(at, huber.covariance(colour_order), huber.scale**2, diagnostics, messages, huber)
+    return FitAtMinimum(at, covariance, huber.scale**2, diagnostics, messages, huber)
 
 
 def _refuse_response(method: str, data: object) -> None:
@@ -477,7 +478,7 @@ def _simulation_estimate(
         covariance += variance * of_noise @ of_noise.T
     messages = [*problem.messages, *_search_messages(method, result.path.best, condition)]
     messages += near_unit_circle(orders, result.theta)
-    messages += interval_messages(orders, result.theta, prediction.errors)
+    messages += interval_messages(orders, result.theta, prediction.errors, covariance)
     warn_each(messages, stacklevel=4)
     diagnostics = _diagnostics(result.path, condition)
     if levelled is not None:

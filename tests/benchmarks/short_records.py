@@ -40,7 +40,7 @@ KINDS = {
 RATIO = 0.3
 """Standard deviation of the noise over that of the output without it."""
 
-SHORT = ("few", "memory", "edge of stability", "nearly cancel")
+SHORT = ("few", "memory", "edge of stability", "nearly cancel", "nearly share")
 """Words of the warnings of short intervals."""
 
 

@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 
 import sysid
 from sysid import IOData
+from sysid.polynomial.common_roots import EstimatedPolynomial, shared_root_strength
 from sysid.polynomial.interval_warnings import cancellation_strength
 from tests.benchmarks.short_records import NOISE, estimated, places_of_noise
 
@@ -120,3 +121,84 @@ def test_time_series_whose_a_and_c_nearly_cancel():
     assert not _cancels(estimate)
     truth = np.array([-0.7, 1.0, -0.6])
     assert (np.abs(estimate.parameters - truth) <= 3.0 * np.sqrt(np.diag(estimate.covariance))).all()
+
+
+def _shares_root(estimate):
+    return [message for message in estimate.diagnostics["warnings"] if "nearly share a root" in message]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("structure", "names"), [("oe", "B and F"), ("armax", "A, B and C")])
+def test_systems_of_which_all_orders_but_one_cancel_are_told(structure, names):
+    """Their intervals hold the simulated truth in far fewer than 95 %."""
+    held, shared = [], []
+    for seed in range(30):
+        estimate, truth = estimated(structure, "common root", 200, np.random.default_rng(seed))
+        held.append(np.abs(estimate.parameters - truth) <= 1.96 * np.sqrt(np.diag(estimate.covariance)))
+        shared.append(any(message.startswith(names) for message in _shares_root(estimate)))
+    assert np.mean(shared) >= 0.95
+    assert np.mean(held) < 0.85
+
+
+@pytest.mark.slow
+def test_intervals_of_oe_hold_where_nothing_is_told():
+    held, shared = [], []
+    for seed in range(100):
+        estimate, truth = estimated("oe", "random", 800, np.random.default_rng(seed))
+        held.append(np.mean(np.abs(estimate.parameters - truth) <= 1.96 * np.sqrt(np.diag(estimate.covariance))))
+        shared.append(bool(_shares_root(estimate)))
+    shared = np.array(shared)
+    assert 0.1 < shared.mean() < 0.4
+    assert np.array(held)[~shared].mean() > 0.9
+
+
+def _polynomial(*roots, places):
+    return EstimatedPolynomial(np.poly(roots), places)
+
+
+def test_strength_of_two_roots_is_their_squared_distance_in_standard_deviations():
+    """Of z - b and z - a with independent coefficients: (a - b)^2 / (var a + var b)."""
+    covariance = np.diag([0.01, 0.03])
+    polynomials = [_polynomial(0.5, places=slice(0, 1)), _polynomial(0.9, places=slice(1, 2))]
+    assert shared_root_strength(polynomials, covariance) == pytest.approx(0.4**2 / 0.04)
+    assert shared_root_strength([*polynomials, EstimatedPolynomial(np.ones(1), slice(0, 0))], covariance) == np.inf
+
+
+def test_two_roots_that_are_nearly_the_same_do_not_make_a_common_one():
+    covariance = 1e-4 * np.eye(3)
+    pair, far = _polynomial(0.8, 0.8001, places=slice(0, 2)), _polynomial(-0.5, places=slice(2, 3))
+    assert shared_root_strength([pair, far], covariance) > 1000.0
+    near = _polynomial(0.81, places=slice(2, 3))
+    assert shared_root_strength([pair, near], covariance) < 1.0
+
+
+def test_pairs_of_complex_roots_count_once():
+    """Values of the second polynomial at the first one's root, 0.5 + 0.5j: with an exact first one, by hand."""
+    first, second = (
+        _polynomial(x + 0.5j, x - 0.5j, places=places) for x, places in ((0.5, slice(0, 2)), (0.6, slice(2, 4)))
+    )
+    covariance = np.diag([0.0, 0.0, 0.01, 0.01])
+    root = 0.5 + 0.5j
+    value = np.polyval(second.coefficients, root)
+    # the value moves by root da1 + da2
+    slopes = np.array([[root.real, 1.0], [root.imag, 0.0]])
+    expected = np.array([value.real, value.imag]) @ np.linalg.solve(
+        0.01 * slopes @ slopes.T, np.array([value.real, value.imag])
+    )
+    # the second one's root, whose covariance is not zero, is no nearer
+    assert shared_root_strength([first, second], covariance) <= expected * (1.0 + 1e-9)
+    assert shared_root_strength([first, second], covariance) > 0.5 * expected
+
+
+@pytest.mark.filterwarnings("ignore::sysid.SysidWarning")
+def test_known_polynomials_and_those_without_roots_share_none():
+    rng = np.random.default_rng(4)
+    u = rng.standard_normal(300)
+    record = IOData(u, lfilter([0.0, 1.0, -0.8], np.poly([0.81, 0.3]), u) + 0.3 * rng.standard_normal(300), 1.0)
+    assert _shares_root(sysid.oe(record, 2, 2))
+    assert not _shares_root(sysid.oe(record, 1, 1))
+    assert not _shares_root(sysid.arx(record, 2, 2))
+    assert not _shares_root(sysid.oe(record, 2, 2, fixed={"F": np.poly([0.81, 0.3])}))
+    two = IOData(np.column_stack((u, rng.standard_normal(300))), record.y, 1.0)
+    (message,) = _shares_root(sysid.oe(two, [2, 1], [2, 0]))
+    assert message.startswith("B and F of input 1 nearly share a root: what holds them apart is")
