@@ -18,12 +18,14 @@ from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.channels import listed
 from sysid.records.importers import one_interval
 
-STEADY_END = (
-    "nothing is held out, because no input moves in the last quarter of the record, or one moves there at other "
-    "frequencies than before: verdict and fits are on the samples that the model was estimated from; another record "
-    "would judge it (--validate)"
+NOTHING_HELD_OUT = (
+    "nothing is held out, because {}: verdict and fits are on the samples that the model was estimated from; another "
+    "record would judge it (--validate)"
 )
 """Remark on a record without an end to judge on."""
+
+STEADY_END = "no input moves in the last quarter of the record, or one moves there at other frequencies than before"
+"""Reason of it in a record that is long enough."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,8 +205,10 @@ def identify_files(
     elif check:
         title += f", fits to {_held_out_in_words(check[0], data, is_estimated_again=result.is_estimated_again)}"
     messages = tuple(str(warning.message) for warning in caught)
-    if check is None and share > 0.0 and max(map(len, records)) >= SHORTEST:
-        messages = (*messages, STEADY_END)
+    if check is None and share > 0.0:
+        longest = max(map(len, records))
+        short = f"the longest piece has {longest} samples of the {SHORTEST} that are expected"
+        messages = (*messages, NOTHING_HELD_OUT.format(short if longest < SHORTEST else STEADY_END))
     return FileIdentification(
         title, result, choice, (*messages, *result.warnings), held_out=share if is_held_out else 0.0
     )

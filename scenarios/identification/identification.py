@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 import sysid
 from scenarios.experiments.joint_inputs import LAGS
@@ -33,6 +34,7 @@ from sysid.records.resolution import resolution
 from sysid.validation.command_baseline import CommandBaseline, command_baseline
 from sysid.validation.input_independence import LIMIT, input_independence
 from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
+from sysid.validation.slow_response import SlowResponse, slow_response
 from sysid.validation.structure_scan import Order
 
 if TYPE_CHECKING:
@@ -46,6 +48,9 @@ ROUNDED = 1.1
 
 FINE = 0.005
 """Deviation of rounding, relative to that of the output, up to which it matters no more than a nonlinearity would."""
+
+RISING = 3.0
+"""Ratio of two frequencies, the lower one that of the record, between which the gain of an integrator falls as much."""
 
 LASTING = 10.0
 """Records that the time constant of a mode must last to count as an integrator."""
@@ -73,14 +78,23 @@ class FittedModel:
     claims: tuple[tuple[BandwidthClaim, ...], ...]
 
     @property
-    def integrates(self) -> bool:
-        """Whether a mode lasts so much longer than the records that it is an integrator for them.
-
-        Gain at 0 Hz and bandwidth of such a model mean nothing, and nothing depends on them.
-        """
+    def is_slower_than_records(self) -> bool:
+        """Whether a mode lasts so much longer than the records that its gain at 0 Hz means nothing."""
         longest = max(map(len, self.parts))
         distances = np.abs(sampled_poles(self.estimate) - 1.0)
         return bool((distances < 1.0 / (LASTING * longest)).any())
+
+    @property
+    def integrates(self) -> NDArray[np.bool_]:
+        """Whether each path (ny, nu) is an integrator for the records: its gain rises towards their lowest frequency.
+
+        Nothing depends on gain at 0 Hz and bandwidth of such a path. A slow mode whose zero lies beside it is none.
+        """
+        dt = self.parts[0].dt
+        lowest = 1.0 / (max(map(len, self.parts)) * dt)
+        response = self.estimate.frequency_response(lowest * np.array([1.0, RISING]))
+        first, second = np.abs(response.response)
+        return self.is_slower_than_records & (first > np.sqrt(RISING) * second)
 
     @property
     def gain(self) -> FloatArray:
@@ -120,6 +134,7 @@ class Identification:
         baseline: Fit of the commands themselves to `checked`; None where inputs and outputs differ in number or units.
         nonlinearity: Test of nonlinear dependence on the input, on the records of the fit; None of unstable models.
         agreement: Whether the runs that the model is of have one response; None of one run.
+        slow: Slow parts of the response that the simulation errors show, on the records of the fit.
     """
 
     fitted: FittedModel
@@ -135,6 +150,7 @@ class Identification:
     nonlinearity: NonlinearityTest | None = None
     baseline: CommandBaseline | None = None
     agreement: RunAgreement | None = None
+    slow: tuple[SlowResponse, ...] = ()
 
     @property
     def is_estimated_again(self) -> bool:
@@ -424,6 +440,7 @@ def identify(
         nonlinearity=nonlinearity(fitted.estimate, fitted.parts),
         baseline=command_baseline(judged.parts, checked),
         agreement=agreement,
+        slow=slow_response(fitted.estimate, fitted.parts),
     )
 
 
@@ -461,7 +478,7 @@ def _rounded(records: Sequence[IOData], test: ResidualTest | None, fitted: Fitte
     sizes = np.sqrt(np.nanmean(test.residuals**2, axis=0))
     # Rounding to steps q has a variance of q^2/12.
     rounding = steps / np.sqrt(12.0)
-    is_fine = (rounding <= FINE * np.nanstd(outputs, axis=0)) | fitted.integrates
+    is_fine = (rounding <= FINE * np.nanstd(outputs, axis=0)) | fitted.integrates.any(axis=1)
     return tuple(bool(is_rounding) for is_rounding in (sizes <= ROUNDED * rounding) & is_fine)
 
 

@@ -12,11 +12,13 @@ import sysid
 from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
-from sysid import IOData, StructureChoice
+from sysid import IOData, StructureChoice, SysidError
+from sysid.models.continuous_estimate import sampled_poles
 from sysid.polynomial.fit_with_offset import subtract_means
 from sysid.records.arrays import FloatArray
 from sysid.selection import choose_impulseest, choose_procest, choose_tfest
-from sysid.selection.structure_search import ORDERS
+from sysid.selection.slow_modes import slow_radius
+from sysid.selection.structure_search import ORDERS, largest_ratio
 
 CHOSEN = (*ORDERS, "tfest", "procest", "impulseest")
 """Methods whose orders can be chosen."""
@@ -26,6 +28,9 @@ HELD_OUT = 0.25
 
 STEADY = 0.02
 """Deviation of an input in the held-out part, relative to that in the record, up to which it does not move there."""
+
+CLOSE = 0.2
+"""Part by which gains at 0 Hz of the chosen model and of a discrete one may differ."""
 
 ALIKE = 0.2
 """Least common power of an input in the part held out and before it. Random and binary inputs, tones and steps that
@@ -98,15 +103,45 @@ def _choice(
 ) -> StructureChoice:
     """The choice, on the records about their means."""
     about = records if keep_mean else subtract_means(records)
-    if method == "tfest":
-        return choose_tfest(about, offset=not keep_mean)
-    if method == "procest":
-        return choose_procest(about, offset=not keep_mean)
-    if method == "impulseest":
-        return choose_impulseest(about)
     if keep_mean:
         offset, trend = False, False
-    return sysid.auto(about, methods=None if method is None else [method], offset=offset, trend=trend)
+    if method is None or method in ORDERS:
+        return sysid.auto(about, methods=None if method is None else [method], offset=offset, trend=trend)
+    if method == "tfest":
+        choice = choose_tfest(about, offset=not keep_mean)
+    elif method == "procest":
+        choice = choose_procest(about, offset=not keep_mean)
+    else:
+        choice = choose_impulseest(about)
+    return _beside_discrete(choice, about, offset=offset)
+
+
+def _beside_discrete(choice: StructureChoice, records: Sequence[IOData], *, offset: bool | None) -> StructureChoice:
+    """A choice with what discrete models of the same records, with models of the disturbance, say against it.
+
+    Errors weighted by their colour take a slow part of the response for noise: a slower model that fits better, or one
+    with another gain, makes it a caution.
+    """
+    estimate = choice.estimate
+    if estimate.model.ny > 1:
+        return choice
+    try:
+        beside = sysid.auto(records, offset=offset)
+    except SysidError:
+        return choice
+    objection, best = beside.slower, beside.candidates[0]
+    if not beside.cautions:
+        radius = slow_radius(max(map(len, records)))
+        gains, others = estimate.dc_gain(), beside.estimate.dc_gain()
+        ratio = largest_ratio([np.abs(gains).ravel(), np.abs(others).ravel()])
+        if np.isfinite(best.drive) and not (np.abs(sampled_poles(estimate)) > radius).any():
+            objection = f"{best} has a mode slower than a third of the record, which this model lacks"
+        elif ratio > 1.0 + CLOSE:
+            listed = ", ".join(f"{gain:.4g}" for gain in np.ravel(others))
+            objection = f"{best}, chosen among discrete models, has a gain at 0 Hz of {listed}: methods disagree"
+    if not objection:
+        return choice
+    return replace(choice, cautions=(*choice.cautions, objection), slower=beside.slower)
 
 
 def _chosen(choice: StructureChoice) -> tuple[str, list[Any]]:

@@ -8,12 +8,13 @@ import numpy as np
 from scenarios.files.data_file import joints_of
 from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
-from scenarios.identification.identification import FittedModel, Identification, deviations
+from scenarios.identification.identification import LASTING, FittedModel, Identification, deviations
 from scenarios.identification.run_agreement import RunAgreement
 from sysid import Estimate, IOData, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
+from sysid.polynomial.data_checks import POORLY_EXCITED
 from sysid.polynomial.response_features import response_features
 from sysid.records.arrays import ComplexArray
 from sysid.records.excited_band import excited_band
@@ -41,6 +42,9 @@ SMALL = 0.25
 
 FEW = 10
 """Samples for each parameter below which no interval is a promise: of bj at ten, those of 95 % held in 79 %."""
+
+SLOW_PART = 0.1
+"""Gain of a slow part of the response that the model lacks, relative to that of the model, from which on it counts."""
 
 GRID = 50
 """Frequencies, up to the highest that the input excites, at which the largest gain is looked for."""
@@ -200,6 +204,10 @@ def verdict(result: Identification) -> str:
         words = f"undecided: {hidden}"
     elif result.cautions:
         words = f"undecided: {'; '.join(result.cautions)}"
+    elif creep := _slow_part(result):
+        words = f"undecided: {creep}"
+    elif unexcited := _unexcited(result.fitted):
+        words = f"undecided: {unexcited}"
     elif left_open := _undetermined(result):
         words = f"undecided: {left_open}"
     elif not lowest >= SUFFICIENT:
@@ -225,6 +233,27 @@ def _no_better_than_command(result: Identification) -> str:
                 f"late ({of_command:.1f} %): commands that change faster would tell its dynamics"
             )
     return ""
+
+
+def _slow_part(result: Identification) -> str:
+    """A slow part of the response that the model lacks and that would change its gain, in words; empty if none."""
+    fitted = result.fitted
+    for path in result.slow:
+        gain = float(fitted.gain[path.output, path.input])
+        if not fitted.integrates[path.output, path.input] and abs(path.gain) > SLOW_PART * abs(gain):
+            return (
+                f"the simulation errors follow the input slowly, as by a time constant of about "
+                f"{path.time_constant:.2g} s (p = {path.p:.1g}), which would change the gain at 0 Hz by "
+                f"{path.gain / gain:.0%}; a longer record would tell"
+            )
+    return ""
+
+
+def _unexcited(fitted: FittedModel) -> str:
+    """Input that excites fewer orders than the model has parameters, in words; empty if none."""
+    messages = fitted.estimate.diagnostics.get("warnings", ())
+    found = (str(message) for message in messages if getattr(message, "code", "") == POORLY_EXCITED)
+    return next(found, "")
 
 
 def _verdict_of_unstable(result: Identification) -> str:
@@ -263,27 +292,32 @@ def _undetermined(result: Identification) -> str:
     is_excited = frequencies[:, None] <= np.maximum(highest, lowest)
     magnitude = np.where(is_excited[:, None, :], np.abs(response.response), 0.0)
     deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
-    integrates = fitted.integrates
-    if integrates:
-        of_gain = of_bandwidth = 1.0
+    unknown = np.isnan(fitted.gain) & ~fitted.integrates
     others = "; structures that fit as well differ by {:.0%}"
     for (i, j), value in np.ndenumerate(magnitude[0]):
         path = ""
         if value.size < magnitude[0].size:
             path = f" from {(first.input_names or ())[j]} to {(first.output_names or ())[i]}"
+        integrates = bool(fitted.integrates[i, j])
+        gain_ratio, bandwidth_ratio = (1.0, 1.0) if integrates else (of_gain, of_bandwidth)
         share = NORMAL_99 * deviation[i, j] / max(value, SMALL * magnitude[:, i, j].max())
-        if share + of_gain - 1.0 > CLOSE:
-            differ = others.format(of_gain - 1.0) if of_gain > 1.0 else ""
+        if share + gain_ratio - 1.0 > CLOSE:
+            differ = others.format(gain_ratio - 1.0) if gain_ratio > 1.0 else ""
             return (
                 f"the record leaves the gain{path} open, {value:.3g} at {lowest:.3g} Hz with a standard deviation of "
                 f"{deviation[i, j]:.2g}{differ}; a longer record, or more of the input at low frequencies, would tell"
+            )
+        if unknown[i, j]:
+            return (
+                f"the record leaves the gain{path} at 0 Hz open: a mode of the model lasts longer than {LASTING:g} "
+                "records; a longer record would tell"
             )
         claim = fitted.claims[i][j]
         if claim.refused and not integrates and value >= SMALL * magnitude[:, i].max():
             return f"{claim.warnings[0]}{path}; a record whose input excites these frequencies would tell"
         ratio = (claim.high / claim.low) ** (0.5 * NORMAL_99 / NORMAL_95) if claim.low > 0.0 else 1.0
-        if ratio * of_bandwidth > 1.0 + CLOSE:
-            differ = others.format(of_bandwidth - 1.0) if of_bandwidth > 1.0 else ""
+        if ratio * bandwidth_ratio > 1.0 + CLOSE:
+            differ = others.format(bandwidth_ratio - 1.0) if bandwidth_ratio > 1.0 else ""
             return (
                 f"the record leaves the bandwidth{path} open, {claim.low:.3g} to {claim.high:.3g} Hz{differ}; a longer "
                 "record, or more of the input at these frequencies, would tell"

@@ -67,14 +67,25 @@ def model_charts(result: Identification) -> dict[str, LabelledChart]:
     )
     charts["bode"] = LabelledChart("Frequency response", caption, Chart(bode, ("Path",), columns=2))
     if result.test is not None:
+        where, model = _judged_in_words(result)
         residuals = _by_path(estimate, lambda i, j: _residual_panels(result, style, i, j))
         level = f"{100.0 * result.test.level:g} %"
         caption = (
-            f"Correlation of the residuals with themselves and with the input; dotted lines: {level} bounds of "
-            "residuals without any. To the right of zero an input acts on later outputs."
+            f"Correlation, with themselves and with the input, of the residuals that {model} leaves one step ahead on "
+            f"the record {where}; dotted lines: {level} bounds of residuals without any. To the right of zero an input "
+            "acts on later outputs."
         )
         charts["residuals"] = LabelledChart("Residuals", caption, Chart(residuals, ("Path",), columns=2))
     return charts
+
+
+def _judged_in_words(result: Identification) -> tuple[str, str]:
+    """Which record judged which model, in words."""
+    if result.is_estimated_again:
+        return "held out", "a model of the chosen orders, estimated without it,"
+    if result.checked[0] is not result.judged.parts[0]:
+        return "that it was not estimated from", "the model"
+    return "that it was estimated from", "the model"
 
 
 def _by_path(
@@ -105,11 +116,7 @@ def _outputs(result: Identification, style: Style) -> LabelledChart:
     for name, part in parts.items():
         for i, output in enumerate(record.output_names or ()):
             views[name, output] = _output_panels(record.y[part, i], fit.simulated[part, i], record, i, part, style)
-    where, model = "that it was estimated from", "the model"
-    if checked[0] is not result.judged.parts[0]:
-        where = "that it was not estimated from"
-    if result.is_estimated_again:
-        where, model = "held out", "a model of the chosen orders, estimated without it,"
+    where, model = _judged_in_words(result)
     caption = f"Output about its operating point on the record {where}, and what {model} leaves of it."
     return LabelledChart("Measured and simulated output", caption, Chart(views, ("Show", "Output"), height=220))
 

@@ -165,6 +165,11 @@ def _checked_delay(name: str, delay: object, experiments: Sequence[IOData]) -> f
     return real_number(name, delay, expected, lambda value: 0.0 <= value <= limit)
 
 
+def hides_delay(structure: PathStructure) -> bool:
+    """Whether a held input shows its delay only to whole samples: it has as many zeros as poles."""
+    return structure.poles == structure.zeros and structure.delay is None
+
+
 def _check_structures(
     structures: Sequence[PathStructure], experiments: Sequence[IOData], free: bool, offset: bool
 ) -> None:
@@ -176,8 +181,7 @@ def _check_structures(
         )
     known_delays = [structure.delay for structure in structures if structure.delay is not None]
     _checked_delay("delay", max((0.0, *known_delays)), experiments)
-    hidden = any(structure.poles == structure.zeros and structure.delay is None for structure in structures)
-    if hidden and experiments[0].intersample == "zoh":
+    if any(map(hides_delay, structures)) and experiments[0].intersample == "zoh":
         raise SysidError(
             "a held input shows the delay of a transfer function with as many zeros as poles only to whole "
             "samples: try fewer zeros, or a known delay"

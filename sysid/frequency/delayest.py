@@ -154,8 +154,8 @@ def _ambiguity(experiments: Sequence[IOData], i: int, profile: DelayProfile) -> 
     return [
         f"the delay{of_output} is between {shortest} and {longest} samples ({shortest * dt:.4g} to {longest * dt:.4g} "
         f"s): lag and delay cannot be told apart, a shorter delay goes with more lag (models with up "
-        f"to {most} poles fit at {shortest}, up to {fewest} at {longest} samples). A faster "
-        f"input would tell: steps, or a random binary signal held for at most {max(longest - shortest, 1)} samples"
+        f"to {most} poles fit at {shortest}, up to {fewest} at {longest} samples). An input that "
+        f"changes within {longest - shortest} samples, or a longer record, would tell"
     ]
 
 

@@ -79,7 +79,8 @@ def _at_roots(
             continue
         with np.errstate(divide="ignore", invalid="ignore"):
             moves = -own.gradient(root, len(covariance)) / np.polyval(slope, root)
-        deviation = np.sqrt(np.real(moves @ covariance @ moves.conj()))
+        # rounding may leave the variance of a well-known root below zero
+        deviation = np.sqrt(max(np.real(moves @ covariance @ moves.conj()), 0.0))
         nearest = np.abs(np.delete(roots, k) - root).min(initial=np.inf)
         is_separated = nearest > SEPARATED * deviation
         values, gradients = [], []
@@ -100,8 +101,10 @@ def _wald(values: ComplexArray, gradients: ComplexArray, covariance: FloatArray,
     spread = slopes @ covariance @ slopes.T
     if not np.isfinite(spread).all():
         return np.inf
-    scale = np.sqrt(np.diag(spread))
-    if not scale.all():
+    variances = np.diag(spread)
+    # known exactly, but for rounding
+    if not (variances > 0.0).all():
         return np.inf
+    scale = np.sqrt(variances)
     relative = distance / scale
     return float(relative @ np.linalg.pinv(spread / np.outer(scale, scale), hermitian=True) @ relative)

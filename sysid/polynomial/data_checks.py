@@ -12,9 +12,10 @@ from sysid.polynomial.regressors import arx_equations
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray, real_array
 from sysid.records.data import IOData
-from sysid.records.errors import SysidError
+from sysid.records.errors import Message, SysidError
 from sysid.records.trends import ROUNDING
 
+POORLY_EXCITED = "poorly-excited"  # code of the message on an input that excites too few orders
 INTERLEAVED = 8  # signals of spaced samples whose excitation is measured together, about
 DEPENDENT = 1e-6  # singular value of lagged inputs, relative to the largest, that counts as zero
 
@@ -202,10 +203,11 @@ def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int], joint:
             moments = joint[j::nu, j::nu]
         excited = _order_of_excitation([e.u[:, j] for e in experiments], testable, moments=moments)
         if excited < needed[j]:
-            messages.append(
+            text = (
                 f"input {name} is persistently exciting of order {excited} only, the model needs {needed[j]}: "
                 "some parameters are determined by noise alone"
             )
+            messages.append(Message(text, POORLY_EXCITED))
     return messages
 
 

@@ -23,6 +23,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Part, Table
 from sysid.selection.simulation_ranking import SimulationRanking, better_in_simulation
 from sysid.selection.structure_search import (
+    HARDLY_TOLD,
     ORDERS,
     SEARCHED,
     Candidate,
@@ -41,6 +42,7 @@ INTERCHANGED = "; nothing shows that it acts on them: are input and output inter
 
 LEVEL = 0.01  # p-value below which an input counts as fed back
 STRETCHES = 2  # parts of a long experiment on which candidates are compared, spread over it
+TOLD = 0.05  # difference in EBIC that a reason in words tells
 TRIED = 5  # best candidates of which one may turn out unstable
 HIGH_ORDER = 20  # of the autoregressive model that shows a nonlinearity before the search
 NONLINEAR_LARGEST = 5  # order that is tried beside a nonlinearity, which buys any order
@@ -77,6 +79,7 @@ class StructureChoice(Locked):
         cautions: What the data cannot tell about it, in words.
         disagreement: Largest ratios, 1 or more, of gain at 0 Hz and of bandwidth between it and the candidates that the
             criterion hardly tells from it; 1 where there are none.
+        slower: That of `cautions` on a slower model that fits better, in words; empty if there is none.
     """
 
     estimate: Estimate
@@ -86,6 +89,7 @@ class StructureChoice(Locked):
     reason: str
     cautions: tuple[str, ...] = ()
     disagreement: tuple[float, float] = (1.0, 1.0)
+    slower: str = ""
 
     def _parts(self) -> list[Part]:
         best, listed = self.candidates[0], self.candidates[:LISTED]
@@ -204,7 +208,8 @@ def auto(
     if open_delay := _open_delay(climb.estimate_of_delays):
         # gain and bandwidth may be known all the same: no caution, which withholds a verdict
         reason += f"; {open_delay}"
-    cautions = _cautions(climb, loop, ranked[0])
+    slower = _slower(climb, ranked)
+    cautions = _cautions(climb, loop, ranked[0], slower)
     estimate, caught = fit or _fitted(experiments, ranked[0], climb.search)
     for warning in caught:
         warnings.warn(warning.message, stacklevel=2)
@@ -216,6 +221,7 @@ def auto(
         reason="; ".join((reason, *cautions)),
         cautions=cautions,
         disagreement=climb.search.disagreement(ranked) if ranked[0].weighting == UNWEIGHTED else climb.disagreement,
+        slower=slower,
     )
 
 
@@ -336,8 +342,9 @@ def _weighted(path: Candidate, beside_noise: Candidate) -> Candidate:
 
     Where residuals object to the path, no weighting is right: it would move the fit to other frequencies.
     """
-    same_path = all(order == beside_noise.orders[name] for name, order in path.orders.items())
-    if beside_noise.method != "bj" or not same_path or path.trend != beside_noise.trend:
+    if beside_noise.method != "bj" or path.trend != beside_noise.trend:
+        return path
+    if any(order != beside_noise.orders[name] for name, order in path.orders.items()):
         return path
     nc, nd = (int(np.max(beside_noise.orders[name])) for name in ("nc", "nd"))
     return replace(path, weighting=(nc, nd))
@@ -366,16 +373,35 @@ def _reason_of_feedback(experiments: Experiments, loop: Loop, *, any_method: boo
     )
 
 
-def _cautions(climb: Climb, loop: Loop, best: Candidate) -> tuple[str, ...]:
+def _cautions(climb: Climb, loop: Loop, best: Candidate, slower: str) -> tuple[str, ...]:
     """What the data cannot tell about the best candidate, in words."""
     cautions = []
     if loop.is_exact:
         cautions.append(EXACTLY)
     if not best.eligible:
         cautions.append(best.remark)
+    if slower:
+        cautions.append(slower)
     if unlike := _unlike_delays(climb.estimate_of_delays, int(np.max(best.orders.get("order", 0)))):
         cautions.append(unlike)
     return tuple(cautions)
+
+
+def _slower(climb: Climb, ranked: Sequence[Candidate]) -> str:
+    """Candidate with a slow mode that was refused although it fits better than all without, in words; empty if none."""
+    best_of_others = min((one.ebic for one in ranked if np.isinf(one.drive) and one.eligible), default=-np.inf)
+    slow = [one for one in ranked if np.isfinite(one.drive) and not one.doubt]
+    rival = min(slow, key=lambda one: one.ebic, default=None)
+    # the best may have such a mode itself, and was chosen with it
+    if rival is None or np.isfinite(ranked[0].drive) or climb.search.validation or not ranked[0].eligible:
+        return ""
+    difference = best_of_others - rival.ebic
+    if difference <= HARDLY_TOLD:
+        return ""
+    return (
+        f"{rival} fits better (EBIC {difference:.0f} lower) by a mode slower than a third of the record: part of the "
+        "response, which changes the gain at 0 Hz, or a disturbance; a longer record would tell"
+    )
 
 
 class Objection(Enum):
@@ -569,8 +595,8 @@ def _open_delay(estimate: DelayEstimate | None) -> str:
     if most - least < AMBIGUOUS:
         return ""
     return (
-        f"the delay is between {least} and {most} samples: lag and delay cannot be told apart; steps or a random "
-        "binary signal would tell"
+        f"the delay is between {least} and {most} samples: lag and delay cannot be told apart; an input that changes "
+        f"within {most - least} samples, or a longer record, would tell"
     )
 
 
@@ -609,9 +635,15 @@ def _reason(search: StructureSearch, ranked: tuple[Candidate, ...], delays: tupl
     """Reason in words why the best candidate is chosen."""
     best, validated = ranked[0], bool(search.validation)
     criterion = "the least error in simulation of the validation data" if validated else "the lowest EBIC"
+    lower = [] if validated else [one for one in ranked if one.ebic < best.ebic - TOLD]
+    if lower:
+        criterion += " of those that may be chosen"
     reason = f"{best}: {criterion} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
     rival = next((candidate for candidate in ranked if candidate.method != best.method), None)
-    if rival is not None and rival.eligible:
+    if lower:
+        refused = min(lower, key=lambda one: one.ebic)
+        reason += f"; {refused}, {best.ebic - refused.ebic:.1f} lower, is refused: {refused.reservation}"
+    elif rival is not None and rival.eligible:
         gap = f"{rival.ebic - best.ebic:.1f} above"
         if validated:
             gap = f"{rival.validation / best.validation:.3g} times"

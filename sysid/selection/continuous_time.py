@@ -8,7 +8,7 @@ import numpy as np
 
 from sysid.continuous import procest, tfest
 from sysid.continuous.initial_estimates import QUICK, initial_estimates
-from sysid.continuous.output_error import LONGEST_DELAY
+from sysid.continuous.output_error import LONGEST_DELAY, hides_delay
 from sysid.continuous.output_error_criterion import OutputError
 from sysid.continuous.output_error_search import moves_early, quick_minimum
 from sysid.continuous.path_response import TransferFunction
@@ -462,6 +462,9 @@ class _CandidateSearch:
             if fit.structure == structure:
                 self._fit_again(fit)
                 return
+        if hides_delay(structure) and self.all_data[0].intersample == "zoh":
+            # the estimators refuse it
+            return
         try:
             criterion = self._criterion(structure)
             minimum = self._minimum(criterion)

@@ -164,6 +164,15 @@ class Candidate:
         return "edge of stability" if self.radius > LIMIT else ""
 
     @property
+    def reservation(self) -> str:
+        """Why it may make way for one with a larger EBIC, in words; empty if it does not."""
+        if self.doubt or self.vague_offset or not self.eligible:
+            return self.remark
+        if np.isfinite(self.drive):
+            return "a mode slower than a third of the record may be a disturbance; a longer record would tell"
+        return ""
+
+    @property
     def eligible(self) -> bool:
         """Whether it may be chosen: its slow modes are driven by the input, and it is stable or surely unstable."""
         if self.doubt:
@@ -360,7 +369,7 @@ class StructureSearch:
         for _ in range(REFINED):
             neighbours = []
             for orders in _neighbours(best.orders, names):
-                allowed = _structure_of(orders) in self.methods and orders.trend in self.trends
+                allowed = _structure_of(orders, self.methods) in self.methods and orders.trend in self.trends
                 if allowed and np.all(np.greater_equal(orders.nk, shortest)):
                     neighbours.append(orders)
             for orders in neighbours:
@@ -412,7 +421,7 @@ class StructureSearch:
         """Record where the search of a candidate ended."""
         at = minimum.at
         theta = at.theta
-        method = _structure_of(orders)
+        method = _structure_of(orders, self.methods)
         errors, levels = zip(*(_errors_and_trend(e, orders, theta) for e in self.experiments), strict=True)
         model = self._input_path(orders, theta)
         transients = sum(
@@ -739,10 +748,14 @@ def _excess(at: Linearisation, orders: Orders) -> float:
     return worst
 
 
-def _structure_of(orders: Orders) -> str:
-    """Name of the simplest structure, arx to bj, with every polynomial whose order is not zero."""
+def _structure_of(orders: Orders, methods: Sequence[str]) -> str:
+    """Name of the simplest structure, arx to bj, with every polynomial whose order is not zero, if possible of methods.
+
+    Without any of them, arx and oe are the same.
+    """
     used = {name for name in ("na", "nc", "nd", "nf") if np.any(getattr(orders, name))}
-    return next(name for name, order_names in ORDERS.items() if used <= set(order_names))
+    able = [name for name, order_names in ORDERS.items() if used <= set(order_names)]
+    return next((name for name in able if name in methods), able[0])
 
 
 def _is_nested(small: Orders, large: Orders) -> bool:
@@ -774,9 +787,10 @@ def _cut_or_filled(coefficients: FloatArray, length: int) -> FloatArray:
 
 
 def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
-    """Orders that differ by one in one place, delays that leave the last lag of the input where it is, and fewer pairs.
+    """Orders that differ by one in one place, other delays with another number of lags, and fewer pairs.
 
-    C and D lose a root each together, where these cancel; a pair at one stands for a trend in their place.
+    Of delays the last lag of the input stays where it is, or moves by one. C and D lose a root each together, where
+    these cancel; a pair at one stands for a trend in their place.
     """
     steps = []
     for name in sorted(names):
@@ -786,6 +800,8 @@ def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
     for name, channel, step in steps:
         if name == "nk":
             neighbours.append(_with_step(_with_step(orders, "nk", channel, step), "nb", channel, -step))
+            # a first coefficient that stands for a slow beginning of the response hides a longer delay
+            neighbours.append(_with_step(_with_step(orders, "nk", channel, 2 * step), "nb", channel, -step))
     if {"nc", "nd"} <= set(names):
         fewer = replace(orders, nc=orders.nc - 1, nd=orders.nd - 1)
         neighbours.append(fewer)

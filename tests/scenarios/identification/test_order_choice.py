@@ -112,3 +112,11 @@ def test_the_next_command_of_a_choice_never_loses_delays(tmp_path):
     assert any(best.orders["nk"]) and tuple(found.result.fitted.orders["nk"]) == tuple(best.orders["nk"])
     assert found.chosen_options == {}
     np.testing.assert_allclose(found.result.fitted.estimate.dc_gain(), [[2.0, 1.0], [2.0, -1.0]], atol=0.05)
+
+
+def test_a_short_record_says_that_nothing_is_held_out(tmp_path):
+    rng = np.random.default_rng(14)
+    u = held(rng, 300, 5)
+    found = identified([written(tmp_path / "short.csv", u, lag(u) + 0.05 * rng.standard_normal(300))])
+    (remark,) = [warning for warning in found.warnings if "nothing is held out" in warning]
+    assert "because the longest piece has 300 samples of the 400 that are expected" in remark

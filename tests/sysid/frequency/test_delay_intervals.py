@@ -26,7 +26,10 @@ def test_slow_commands_leave_the_delay_open_and_the_warning_says_what_would_tell
     time = np.arange(1500)
     u = np.sin(2 * np.pi * 0.002 * time) + 0.5 * np.sin(2 * np.pi * 0.003 * time + 1.0)
     data = IOData(u, output(u, 2, 0.1, 0, f=np.poly([0.9, 0.8])), 0.01)
-    with pytest.warns(SysidWarning, match="lag and delay cannot be told apart.*A faster input would tell: steps"):
+    with pytest.warns(
+        SysidWarning,
+        match="lag and delay cannot be told apart.*An input that changes within \\d+ samples, or a longer record",
+    ):
         delays = delayest(data)
     least, most = delays.interval.ravel()
     assert least <= 2 <= most

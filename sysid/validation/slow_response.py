@@ -1,0 +1,149 @@
+"""Whether simulation errors of a model follow its inputs slowly: a part of the response that the model lacks.
+
+A lag of a few samples with a slow creep of a third of the gain looks, in a record of a few of its time constants, like
+the lag alone beside a disturbance that walks. Coloured errors absorb the creep, whatever they are compared by.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from sysid.models.model_forms import AnyModel, as_model
+from sysid.models.predict import aligned, predict
+from sysid.polynomial.least_squares import solve
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+
+SHARES = (2, 4, 8, 16, 32)
+"""Time constants that are tried, in parts of the longest record."""
+
+LAGS = 12
+"""Past errors beside which the slow inputs must explain the present one: their colour."""
+
+LEVEL = 0.01
+"""p-value from which on the errors follow an input."""
+
+LONGEST = 10_000
+"""Samples of a record from which on neighbours are averaged: what is tested is slow."""
+
+
+@dataclass(frozen=True)
+class SlowResponse:
+    """What the simulation errors of one path show.
+
+    Attributes:
+        output: Number of the output.
+        input: Number of the input.
+        p: p-value of the hypothesis that they do not follow it, over all time constants.
+        gain: Gain at 0 Hz of the slow part, in output units per input unit.
+        time_constant: Time constant at which it fits best, s.
+    """
+
+    output: int
+    input: int
+    p: float
+    gain: float
+    time_constant: float
+
+
+def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse, ...]:
+    """Parts of the response slower than the record resolves well, one for each path whose errors show one.
+
+    Simulation errors e are regressed on `LAGS` past errors, a constant and a straight line of each record, and the last
+    two values of the input behind a lag of unit gain: an F test of these, at the time constants of `SHARES`, its
+    p-value times their number [Bonferroni1936]. Inputs up to the sample before explain the present error, so that
+    feedback alone is no slow response.
+
+    Args:
+        model: The model, in any form that `predict` takes.
+        data: Records of its fit, about its operating point.
+
+    Returns:
+        The paths, the most significant first; empty for an unstable model and too short records.
+    """
+    first = data[0]
+    model = aligned(as_model(model, first), first)
+    if not model.is_stable():
+        return ()
+    parts = [part for record in data for part in record.complete_parts() if len(part) > 4 * LAGS]
+    if not parts:
+        return ()
+    width = max(-(-max(map(len, parts)) // LONGEST), 1)
+    errors = [_averaged(part.y - predict(model, part, steps=None), width) for part in parts]
+    inputs = [_averaged(part.u - part.u.mean(axis=0), width) for part in parts]
+    if not all(np.isfinite(error).all() for error in errors):
+        return ()
+    found = []
+    for i, j in np.ndindex(first.ny, first.nu):
+        of_path = _tested([error[:, i] for error in errors], [u[:, j] for u in inputs])
+        if of_path is not None and of_path[0] < LEVEL:
+            p, gain, constant = of_path
+            found.append(SlowResponse(i, j, p, gain, constant * width * first.dt))
+    return tuple(sorted(found, key=lambda one: one.p))
+
+
+def _averaged(signals: FloatArray, width: int) -> FloatArray:
+    """Means of so many samples each (N // width, n)."""
+    count = len(signals) // width
+    return signals[: count * width].reshape(count, width, -1).mean(axis=1)
+
+
+def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple[float, float, float] | None:
+    """p-value over all time constants, gain and time constant (samples) of the best one; None if too few samples."""
+    longest = max(map(len, errors))
+    count = sum(len(error) - LAGS for error in errors)
+    common = scipy.linalg.block_diag(*(_line(len(error) - LAGS) for error in errors))
+    past = np.concatenate([_past(error) for error in errors])
+    target = np.concatenate([error[LAGS:] for error in errors])[:, None]
+    free = count - past.shape[1] - common.shape[1] - 2
+    if free < 2 * LAGS:
+        return None
+    basis, _ = np.linalg.qr(np.column_stack((past, common)))
+    rest = target - basis @ (basis.T @ target)
+    best: tuple[float, float, float] | None = None
+    for share in SHARES:
+        slow = np.concatenate([_slow(u, longest / share) for u in inputs])
+        slow = slow - basis @ (basis.T @ slow)
+        fitted = slow @ solve(slow, rest).solution
+        explained, left = float(np.sum(fitted**2)), float(np.sum((rest - fitted) ** 2))
+        if not left > 0.0:
+            continue
+        p = min(len(SHARES) * float(scipy.stats.f.sf(0.5 * explained * free / left, 2, free)), 1.0)
+        if best is None or p < best[0]:
+            best = p, _gain(errors, inputs, common, past, target, longest / share), longest / share
+    return best
+
+
+def _gain(
+    errors: Sequence[FloatArray],
+    inputs: Sequence[FloatArray],
+    common: FloatArray,
+    past: FloatArray,
+    target: FloatArray,
+    constant: float,
+) -> float:
+    """Gain at 0 Hz from the input to the errors, of the whole regression."""
+    slow = np.concatenate([_slow(u, constant) for u in inputs])
+    parameters = solve(np.column_stack((past, common, slow)), target).solution[:, 0]
+    memory = 1.0 - float(parameters[:LAGS].sum())
+    return float(parameters[-2:].sum()) / memory if memory > 0.0 else float(np.inf)
+
+
+def _line(samples: int) -> FloatArray:
+    """A constant and a straight line (N, 2)."""
+    return np.column_stack((np.ones(samples), np.linspace(-1.0, 1.0, samples)))
+
+
+def _past(error: FloatArray) -> FloatArray:
+    """Past errors behind each sample from `LAGS` on (N - LAGS, LAGS)."""
+    windows = np.lib.stride_tricks.sliding_window_view(error, LAGS)[:-1]
+    return windows[:, ::-1]
+
+
+def _slow(u: FloatArray, constant: float) -> FloatArray:
+    """Input behind a lag of unit gain, of one and of two samples before, from `LAGS` on (N - LAGS, 2)."""
+    pole = np.exp(-1.0 / constant)
+    response = scipy.signal.lfilter([0.0, 1.0 - pole], [1.0, -pole], u)
+    return np.column_stack((response[LAGS:], response[LAGS - 1 : -1]))
