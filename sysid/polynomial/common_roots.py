@@ -80,7 +80,7 @@ def _at_roots(
         with np.errstate(divide="ignore", invalid="ignore"):
             moves = -own.gradient(root, len(covariance)) / np.polyval(slope, root)
         # rounding may leave the variance of a well-known root below zero
-        deviation = np.sqrt(max(np.real(moves @ covariance @ moves.conj()), 0.0))
+        deviation = np.sqrt(max(float(np.real(moves @ covariance @ moves.conj())), 0.0))
         nearest = np.abs(np.delete(roots, k) - root).min(initial=np.inf)
         is_separated = nearest > SEPARATED * deviation
         values, gradients = [], []

@@ -192,7 +192,7 @@ def _is_constant(signal: FloatArray) -> bool:
 def _poorly_excited(experiments: Sequence[IOData], needed: Sequence[int], joint: FloatArray | None) -> list[str]:
     """Messages on inputs that excite less than the `needed` orders; `joint` are moments of all inputs, if known."""
     nu, shortest = experiments[0].nu, min(len(e) for e in experiments)
-    messages = []
+    messages: list[str] = []
     for j, name in enumerate(experiments[0].input_names or ()):
         # higher orders need more lags than the shortest record has rows for
         testable = min(needed[j], shortest // 2)
