@@ -254,14 +254,14 @@ def _save(model: "Estimate", path: Path, typed: str, remarks: Sequence[str]) -> 
 
 def _report(found: "FileIdentification", options: Mapping[str, Any], path: Path) -> Path:
     """Write the report with the command and the call that give its model again."""
-    from scenarios.identification.file_identification import DEFAULTS, IdentificationRequest
+    from scenarios.identification.file_identification import DEFAULTS, IMPORTS, IdentificationRequest
     from scenarios.model_report.report_page import write_model_report
 
     again = {name: value for name, value in options.items() if name in DEFAULTS}
     again["orders"] = _orders(options["orders"], options["method"])
     request = IdentificationRequest(tuple(options["data"]), {**again, **found.chosen_options})
     with progress("report"):
-        return write_model_report(found, path, shlex.join(request.words), request.python)
+        return write_model_report(found, path, shlex.join(request.words), IMPORTS + request.python)
 
 
 def _draw(result: "Identification", out: Path, stem: str) -> list[Path]:

@@ -8,6 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from scenarios.files.data_file import Names, joints_of, read_parts
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.identification import Identification, identify, usable
@@ -24,8 +26,16 @@ NOTHING_HELD_OUT = (
 )
 """Remark on a record without an end to judge on."""
 
-STEADY_END = "no input moves in the last quarter of the record, or one moves there at other frequencies than before"
+STEADY_END = (
+    "no input moves in the last quarter of the record, the output stays there, or an input moves at other frequencies "
+    "than before"
+)
 """Reason of it in a record that is long enough."""
+
+SAME_RECORD = (
+    "the record that judges the model is one that it was estimated from: its fits say nothing of other records"
+)
+"""Remark on a record to judge on that was to be another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +178,7 @@ def identify_files(
                 samples = max(map(len, records))
                 raise ScenarioError(
                     f"--held-out {share:g} given for {samples} samples in one piece, expected {SHORTEST} or more with "
-                    "an input that moves at the end"
+                    "an input and outputs that move at the end"
                 )
         is_held_out = validate is None and check is not None
         choice: StructureChoice | None = None
@@ -205,6 +215,8 @@ def identify_files(
     elif check:
         title += f", fits to {_held_out_in_words(check[0], data, is_estimated_again=result.is_estimated_again)}"
     messages = tuple(str(warning.message) for warning in caught)
+    if validate is not None and any(_are_equal(one, other) for one in check or () for other in records):
+        messages = (*messages, SAME_RECORD)
     if check is None and share > 0.0:
         longest = max(map(len, records))
         short = f"the longest piece has {longest} samples of the {SHORTEST} that are expected"
@@ -235,6 +247,11 @@ def _checked_weighting(weighting: Sequence[int], orders: Sequence[int | str]) ->
     return nc, nd
 
 
+def _are_equal(one: IOData, other: IOData) -> bool:
+    """Whether two records have the same samples."""
+    return np.array_equal(one.u, other.u) and np.array_equal(one.y, other.y, equal_nan=True)
+
+
 def _held_out_share(orders: Sequence[int | str], held_out: float | None, validate: Path | None) -> float:
     """Part of the longest record that judges the model: by default one only where orders are chosen."""
     if held_out is not None:
@@ -258,6 +275,9 @@ def _held_out_in_words(held_out: IOData, data: Sequence[Path], *, is_estimated_a
         return f"{part}; parameters, gain and bandwidth are then estimated from all samples"
     return f"{part}: the model is not estimated from them"
 
+
+IMPORTS = "from pathlib import Path\nfrom scenarios.identification.file_identification import identify_files\n"
+"""Lines before the call in Python."""
 
 _PARAMETERS = inspect.signature(identify_files).parameters.values()
 DEFAULTS = {parameter.name: parameter.default for parameter in _PARAMETERS if parameter.kind is parameter.KEYWORD_ONLY}
@@ -300,7 +320,7 @@ class IdentificationRequest:
 
     @property
     def python(self) -> str:
-        """The call of `identify_files`."""
+        """The call of `identify_files`; see `IMPORTS`."""
         arguments = [f"[{', '.join(map(_literal, self.data))}]"]
         arguments += [f"{name}={_literal(value)}" for name, value in self.options.items()]
         return f"identify_files({', '.join(arguments)})"

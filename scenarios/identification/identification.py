@@ -19,10 +19,10 @@ from scenarios.files.errors import ScenarioError, unknown
 from scenarios.identification.adapted_estimators import integrates
 from scenarios.identification.methods import ESTIMATORS, estimate
 from scenarios.identification.run_agreement import RunAgreement, run_agreement
-from scenarios.identification.static_gain import gain_told_by
-from sysid import Bandwidth, Estimate, IOData, ModelFit, ResidualTest, SysidError
+from sysid import Bandwidth, Estimate, FrequencyResponse, IOData, ModelFit, ResidualTest, SysidError
 from sysid.models.bandwidth import INTEGRATES, BandwidthClaim, bandwidth_claim
 from sysid.models.continuous_estimate import ContinuousEstimate, sampled_poles
+from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import trends_of_outputs
@@ -567,7 +567,7 @@ def _check_channels_move(records: Sequence[IOData], path: Path, test: str | None
 
 def _remarks(fitted: FittedModel, *, judged_on_own_records: bool) -> tuple[str, ...]:
     """Remarks on gaps, missing samples, dependent inputs and bandwidths, and the estimator's own warnings."""
-    records, first = fitted.parts, fitted.parts[0]
+    records = fitted.parts
     remarks = []
     if len(records) > 1:
         subject = "the model and the fits are" if judged_on_own_records else "the model is"
@@ -578,14 +578,22 @@ def _remarks(fitted: FittedModel, *, judged_on_own_records: bool) -> tuple[str, 
     missing, samples = sum(int((~record.known).sum()) for record in records), sum(record.y.size for record in records)
     if missing:
         remarks.append(f"{missing} of {samples} output samples are missing")
-    inputs = input_independence(max(records, key=len).scored.u, first.input_names or (), lags=LAGS)
-    if inputs is not None and inputs.condition > LIMIT:
-        remarks.append(
-            f"the inputs {', '.join(inputs.names)} move together (condition {inputs.condition:.3g} between them, limit "
-            f"{LIMIT:g}): their effects on the outputs cannot be separated"
-        )
+    if dependent := dependent_inputs(records):
+        remarks.append(dependent)
     remarks += _bandwidth_remarks(fitted)
     return (*remarks, *map(without_python_advice, fitted.estimate.diagnostics.get("warnings", ())))
+
+
+def dependent_inputs(records: Sequence[IOData]) -> str:
+    """Remark on inputs that move together, so that their effects cannot be told; empty if they do not."""
+    longest = max(records, key=len)
+    inputs = input_independence(longest.scored.u, longest.input_names or (), lags=LAGS)
+    if inputs is None or inputs.condition <= LIMIT:
+        return ""
+    return (
+        f"the inputs {', '.join(inputs.names)} move together (condition {inputs.condition:.3g} between them, limit "
+        f"{LIMIT:g}): their effects on the outputs cannot be separated"
+    )
 
 
 def _bandwidth_remarks(fitted: FittedModel) -> list[str]:
@@ -636,6 +644,17 @@ def long_lag(data: IOData | Sequence[IOData]) -> int:
     return min(sum(lengths) // 10, min(lengths) - 1)
 
 
+def spectral_analysis(parts: Sequence[IOData]) -> FrequencyResponse | None:
+    """Frequency response by spectral analysis of the records of a fit; None where they are too short or unexcited."""
+    about = subtract_means(parts)
+    with suppress(SysidError), warnings.catch_warnings():
+        warnings.simplefilter("ignore", sysid.SysidWarning)
+        response = sysid.spa(about, lag=long_lag(about))
+        if np.isfinite(response.response).any():
+            return response
+    return None
+
+
 def figures(result: Identification) -> Mapping[str, "Figure"]:
     """Draw a model and the records behind it.
 
@@ -647,19 +666,21 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     model, checked = result.fitted.estimate, result.checked
     longest = max(range(len(checked)), key=lambda k: len(checked[k]))
     fit = result.fit.by_experiment[longest] if result.fit.by_experiment else result.fit
-    nonparametric = []
-    with suppress(SysidError):  # too few samples for a spectrum, or a command without power
-        response = sysid.spa(result.fitted.parts, lag=long_lag(result.fitted.parts))
-        if np.isfinite(response.response).any():
-            nonparametric.append(response)
-    outputs, times = plots.output_comparison(checked[longest], fit), checked[longest].time
+    record, parts = checked[longest], result.fitted.parts
+    if result.fitted.integrates.any():
+        # an integrator has no level to be about: the values of the record
+        level = 0.0 if record.output_offset is None else record.output_offset
+        fit = replace(fit, simulated=fit.simulated + level)
+        record, parts = record.retrend(), tuple(part.retrend() for part in parts)
+    nonparametric = None if result.fitted.integrates.any() else spectral_analysis(parts)
+    outputs, times = plots.output_comparison(record, fit), record.time
     if len(times) > DRAWN:
         # A whole long record would be a band in which nothing is seen.
         outputs.axes[0].set_xlim(times[0], times[DRAWN])
     drawings = {
-        "record": plots.record(result.fitted.parts),
+        "record": plots.record(parts),
         "outputs": outputs,
-        "bode": plots.bode([*nonparametric, model]),
+        "bode": plots.bode([model] if nonparametric is None else [nonparametric, model]),
         "step": plots.step(model),
         "roots": plots.pzmap(model),
     }

@@ -12,11 +12,11 @@ from scenarios.files.result_table import ResultTable
 from scenarios.identification.identification import Identification, identify, usable
 from scenarios.identification.named_models import KnownModel, ModelName, known_models
 from scenarios.identification.result_tables import LARGEST_DECIMAL, SMALLEST_DECIMAL
-from scenarios.identification.static_gain import gain_at_zero
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.model_forms import as_model
 from sysid.models.predict import aligned, channels_in
+from sysid.models.static_gain import gain_at_zero
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
 
 

@@ -14,6 +14,7 @@ from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice, SysidError
 from sysid.models.continuous_estimate import sampled_poles
+from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means
 from sysid.records.arrays import FloatArray
 from sysid.selection import choose_impulseest, choose_procest, choose_tfest
@@ -79,6 +80,8 @@ def choose_and_identify(
         raise ScenarioError(f"--method {method} needs --orders; they are chosen for {', '.join(CHOSEN)}")
     if method is not None and method not in ORDERS and trend:
         raise ScenarioError(f"{method} has no trend; expected one of {', '.join(ORDERS)}")
+    if method == "impulseest" and offset:
+        raise ScenarioError(f"impulseest has no offset; expected one of {', '.join((*ORDERS, 'tfest', 'procest'))}")
     with warnings.catch_warnings():
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
@@ -131,8 +134,9 @@ def _beside_discrete(choice: StructureChoice, records: Sequence[IOData], *, offs
         return choice
     objection, best = beside.slower, beside.candidates[0]
     if not beside.cautions:
-        radius = slow_radius(max(map(len, records)))
-        gains, others = estimate.dc_gain(), beside.estimate.dc_gain()
+        samples, dt = max(map(len, records)), records[0].dt
+        radius = slow_radius(samples)
+        gains, others = (gain_told_by(model, dt, samples) for model in (estimate, beside.estimate))
         ratio = largest_ratio([np.abs(gains).ravel(), np.abs(others).ravel()])
         if np.isfinite(best.drive) and not (np.abs(sampled_poles(estimate)) > radius).any():
             objection = f"{best} has a mode slower than a third of the record, which this model lacks"
@@ -173,7 +177,9 @@ def hold_out(
     whole = records[longest]
     end = round((1.0 - share) * len(whole))
     moving = np.flatnonzero(whole.u[end:].std(axis=0) > STEADY * whole.u.std(axis=0))
-    if not len(moving):
+    spread = np.nanmax(whole.y[end:], axis=0) - np.nanmin(whole.y[end:], axis=0) if whole.known[end:].any() else 0.0
+    # no fit is defined to an output that stays where it is
+    if not len(moving) or not np.all(spread > 0.0):
         return records, None
     to_estimate = list(records)
     to_estimate[longest] = whole[:end]

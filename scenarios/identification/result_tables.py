@@ -8,7 +8,7 @@ import numpy as np
 from scenarios.files.data_file import joints_of
 from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
-from scenarios.identification.identification import LASTING, FittedModel, Identification, deviations
+from scenarios.identification.identification import LASTING, FittedModel, Identification, dependent_inputs, deviations
 from scenarios.identification.run_agreement import RunAgreement
 from sysid import Estimate, IOData, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
@@ -209,7 +209,8 @@ def verdict(result: Identification) -> str:
     elif unexcited := _unexcited(result.fitted):
         words = f"undecided: {unexcited}"
     elif left_open := _undetermined(result):
-        words = f"undecided: {left_open}"
+        # no longer record would tell the effects of inputs that move together
+        words = f"undecided: {dependent_inputs(result.fitted.parts) or left_open}"
     elif not lowest >= SUFFICIENT:
         words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
     elif no_better := _no_better_than_command(result):
@@ -367,7 +368,8 @@ def _operating_point_rows(fitted: FittedModel, unit: str) -> list[tuple[str, str
     )
     rows = [("operating point", ", ".join(named))]
     slopes = [slope for slope in fitted.estimate.diagnostics.get("slopes", ()) if any(slope)]
-    if slopes:
+    # what the mean of the input leaves of an integrator is no drift
+    if slopes and not fitted.integrates.any():
         drifts = ", ".join(f"{slope[0]:.4g}{unit}/s" for slope in slopes)
         rows.append(("line in the output", f"{drifts}, about its mean"))
     return rows

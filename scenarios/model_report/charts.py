@@ -1,15 +1,14 @@
 """Charts of one identified model: outputs, step response, frequency response, correlations of the residuals."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 import sysid
-from scenarios.identification.identification import Identification, long_lag
+from scenarios.identification.identification import Identification, spectral_analysis
 from scenarios.report.chart import Chart, Panel, Series, record_series
-from sysid import Estimate, FrequencyResponse, SysidError
+from sysid import Estimate, FrequencyResponse
 from sysid.models.confidence_bands import band
 from sysid.plots import BOUND, PALETTE, Style
 
@@ -115,9 +114,12 @@ def _outputs(result: Identification, style: Style) -> LabelledChart:
     views: Views = {}
     for name, part in parts.items():
         for i, output in enumerate(record.output_names or ()):
-            views[name, output] = _output_panels(record.y[part, i], fit.simulated[part, i], record, i, part, style)
+            # in the values of the record, but for a straight line of the model
+            level = 0.0 if record.output_offset is None else record.output_offset[i]
+            measured, simulated = record.y[part, i] + level, fit.simulated[part, i] + level
+            views[name, output] = _output_panels(measured, simulated, record, i, part, style)
     where, model = _judged_in_words(result)
-    caption = f"Output about its operating point on the record {where}, and what {model} leaves of it."
+    caption = f"Output on the record {where}, and what {model} leaves of it."
     return LabelledChart("Measured and simulated output", caption, Chart(views, ("Show", "Output"), height=220))
 
 
@@ -133,7 +135,7 @@ def _output_panels(
     ]
     error = record_series("measured - simulated", measured - simulated, dt, Style(BOUND.colour, "-", 1.0), start=start)
     return (
-        Panel("time / s", f"output{unit}", series),
+        Panel("time / s", f"{(record.output_names or ())[i]}{unit}", series),
         Panel("time / s", f"difference{unit}", [error]),
     )
 
@@ -162,17 +164,18 @@ def _settling(estimate: Estimate) -> int:
 
 
 def _nonparametric(result: Identification) -> FrequencyResponse | None:
-    """Spectral analysis of the records of the fit; None of several inputs, or of records too short for it."""
+    """Spectral analysis of the records of the fit; None of several inputs, of integrators, or of too short records."""
     parts = result.fitted.parts
-    if parts[0].nu > 1:
+    # the drift of an integrator leaks into every frequency
+    if parts[0].nu > 1 or result.fitted.integrates.any():
         return None
-    # a record may be too short for a spectrum, or its input without power
-    with suppress(SysidError):
-        response = sysid.spa(parts, lag=long_lag(parts)).determined()
-        if response.coherence is not None:
-            response = response.select(response.coherence[:, 0, 0] > 0.5)
-        return response
-    return None
+    response = spectral_analysis(parts)
+    if response is None:
+        return None
+    response = response.determined()
+    if response.coherence is not None:
+        response = response.select(response.coherence[:, 0, 0] > 0.5)
+    return response
 
 
 def _bode_panels(

@@ -6,7 +6,7 @@ A chart is data: for a page, where Plotly draws it in the browser, and for figur
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise, product
-from math import isfinite
+from math import ceil, isfinite, log10
 from typing import Any, Literal
 
 import numpy as np
@@ -35,6 +35,12 @@ SYMBOLS = {
 COLUMNS = 250
 """Columns that a long record is reduced to: more than the eye resolves in a panel."""
 
+
+DIGITS = 4
+"""Digits of the numbers of a page: finer than a pixel."""
+
+MOST_DIGITS = 16
+"""Digits of a number in double precision."""
 
 LARGEST = 1e100
 """Numbers from here on are left out of figures: the width of an axis to them would overflow."""
@@ -107,7 +113,7 @@ class Chart:
     height: int = 250
 
     def data(self) -> dict[str, Any]:
-        """The chart as plain lists and mappings: numbers to four digits, equal lists of x once."""
+        """The chart as plain lists and mappings: numbers to four digits of their range, equal lists of x once."""
         # Numbers of the lists of x, in the order in which they are first met. Equal ones are one list: curves of a
         # panel share their x as a rule, and a page of many views stays small enough to send.
         x_numbers: dict[Any, int] = {}
@@ -209,18 +215,28 @@ def record_series(
 
 
 def _json_values(values: Any) -> tuple[Any, ...] | None:
-    """Values of an axis for the page; None where there are none."""
+    """Values of an axis for the page, to four digits of what they differ by; None where there are none."""
     if values is None:
         return None
-    return tuple(_json_value(value) for value in np.asarray(values).ravel().tolist())
+    listed = np.asarray(values).ravel().tolist()
+    digits = _digits([value for value in listed if not isinstance(value, str) and isfinite(value)])
+    return tuple(_json_value(value, digits) for value in listed)
 
 
-def _json_value(value: Any) -> Any:
-    """A name as it is, a number to four digits; None for a number that is not finite, which JSON has no word for."""
+def _digits(numbers: Sequence[float]) -> int:
+    """Digits of the largest number that show four of the difference between the largest and the smallest."""
+    spread = max(numbers, default=0.0) - min(numbers, default=0.0)
+    if spread == 0.0 or not isfinite(spread):
+        return DIGITS
+    largest = max(map(abs, numbers))
+    return min(DIGITS + max(ceil(log10(largest / spread)), 0), MOST_DIGITS)
+
+
+def _json_value(value: Any, digits: int = DIGITS) -> Any:
+    """A name as it is, a number rounded; None for a number that is not finite, which JSON has no word for."""
     if isinstance(value, str):
         return value
-    # Four digits are finer than a pixel of the page.
-    return float(f"{value:.4g}") if isfinite(value) else None
+    return float(f"{value:.{digits}g}") if isfinite(value) else None
 
 
 def _panel_data(panel: Panel, x_numbers: dict[Any, int]) -> dict[str, Any]:

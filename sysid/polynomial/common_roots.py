@@ -107,4 +107,5 @@ def _wald(values: ComplexArray, gradients: ComplexArray, covariance: FloatArray,
         return np.inf
     scale = np.sqrt(variances)
     relative = distance / scale
-    return float(relative @ np.linalg.pinv(spread / np.outer(scale, scale), hermitian=True) @ relative)
+    statistic = float(relative @ np.linalg.pinv(spread / np.outer(scale, scale), hermitian=True) @ relative)
+    return max(statistic, 0.0)

@@ -161,8 +161,12 @@ def auto(
     """
     experiments = as_experiments(data, missing=True)
     validation_data = () if validation is None else as_experiments(validation, missing=True)
-    # no record determines more orders than it has samples
-    largest = whole_number("largest", largest, 1, max(map(len, experiments)))
+    largest, samples = whole_number("largest", largest, 1), max(map(len, experiments))
+    if samples < largest:
+        raise SysidError(
+            f"the longest experiment has {samples} samples, which determine no orders up to largest = {largest}; "
+            "expected more samples"
+        )
     longest = whole_number("longest", longest, 100)
     names = _methods_to_try(methods)
     direct = truth_value("direct", direct)
@@ -390,7 +394,7 @@ def _cautions(climb: Climb, loop: Loop, best: Candidate, slower: str) -> tuple[s
 def _slower(climb: Climb, ranked: Sequence[Candidate]) -> str:
     """Candidate with a slow mode that was refused although it fits better than all without, in words; empty if none."""
     best_of_others = min((one.ebic for one in ranked if np.isinf(one.drive) and one.eligible), default=-np.inf)
-    slow = [one for one in ranked if np.isfinite(one.drive) and not one.doubt]
+    slow = [one for one in ranked if one.creeps and not one.doubt]
     rival = min(slow, key=lambda one: one.ebic, default=None)
     # the best may have such a mode itself, and was chosen with it
     if rival is None or np.isfinite(ranked[0].drive) or climb.search.validation or not ranked[0].eligible:

@@ -32,7 +32,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.resolution import resolution
-from sysid.selection.slow_modes import least_drive, slow_radius
+from sysid.selection.slow_modes import least_drive, slow_poles, slow_radius
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.structure_scan import Order, parameter_count
 
@@ -73,6 +73,9 @@ of one that follows a disturbance, and nowhere near a plant that integrates."""
 
 FAR_LEVEL = 3.0
 """Distance of a constant in the output from the mean of its record, relative to the range of that, that is no level."""
+
+BESIDE_ONE = 1.5
+"""Distance of a slow pole from 1, relative to the largest of a real one, up to which it creeps."""
 
 HARDLY_TOLD = 6.0
 """EBIC above the best up to which the evidence against a candidate is positive and no more [KassRaftery1995]."""
@@ -119,6 +122,7 @@ class Candidate:
         trend: Degree of the trend of the output in it, see `Orders`.
         vague_offset: Whether its constant lies far outside the record: beside a slow mode it is a straight line, and no
             level.
+        creeps: Whether it has slow modes, all with poles beside 1: they change the gain at 0 Hz, others oscillate.
         doubt: Another reason why it may not be chosen, in words; empty if there is none.
         weighting: Of oe the degrees of C and D of the model of the disturbance that weights its errors.
     """
@@ -135,6 +139,7 @@ class Candidate:
     transients: float = 0.0
     trend: int = NO_TREND
     vague_offset: bool = False
+    creeps: bool = False
     doubt: str = ""
     weighting: tuple[int, int] = UNWEIGHTED
 
@@ -439,6 +444,7 @@ class StructureSearch:
             transients=transients,
             trend=orders.trend,
             vague_offset=orders.trend == OFFSET and self._lie_far(levels),
+            creeps=self._creeps(orders, theta),
         )
         self.fits[orders] = Fit(orders, theta, candidate, is_finished=minimum.converged)
         return candidate
@@ -504,6 +510,7 @@ class StructureSearch:
         transients: float = 0.0,
         trend: int = NO_TREND,
         vague_offset: bool = False,
+        creeps: bool = False,
     ) -> Candidate:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
@@ -528,9 +535,16 @@ class StructureSearch:
             transients,
             trend,
             vague_offset=vague_offset,
+            creeps=creeps,
         )
         self.candidates.append(candidate)
         return candidate
+
+    def _creeps(self, orders: Orders, theta: FloatArray) -> bool:
+        """Whether its slow poles lie beside 1: elsewhere on the circle one oscillates, and follows a disturbance."""
+        reach = BESIDE_ONE * (1.0 - self.slow_radius)
+        poles = slow_poles(orders, theta, self.slow_radius)
+        return bool(poles) and all(abs(pole - 1.0) < reach for _, pole in poles)
 
     def _lie_far(self, levels: Sequence[FloatArray]) -> bool:
         """Whether a constant of an output (1,) lies far outside its record."""

@@ -53,7 +53,7 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
 
     Simulation errors e are regressed on `LAGS` past errors, a constant and a straight line of each record, and the last
     two values of the input behind a lag of unit gain: an F test of these, at the time constants of `SHARES`, its
-    p-value times their number [Bonferroni1936]. Inputs up to the sample before explain the present error, so that
+    p-value times their number, by Bonferroni. Inputs up to the sample before explain the present error, so that
     feedback alone is no slow response.
 
     Args:

@@ -14,8 +14,8 @@ from scipy.signal import lfilter
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.order_choice import choose_and_identify
 from scenarios.identification.result_tables import roots_text
-from scenarios.identification.static_gain import gain_at_zero
 from sysid import IOData, StateSpace, SysidError, arx, compare, n4sid, oe, read_model
+from sysid.models.static_gain import gain_at_zero
 from sysid.polynomial.fit_with_offset import fit_with_offset, unexplained_offset
 from sysid.records.errors import Message
 from tests.scenarios.commands.conftest import DT, signals, table

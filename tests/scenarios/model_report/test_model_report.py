@@ -53,8 +53,10 @@ def test_charts_hold_the_measured_and_the_simulated_values(found):
     (checked,) = found.result.checked
     views = charts["outputs"].chart.views
     measured, simulated = views["all", "y"][0].series
-    np.testing.assert_array_equal(measured.y, checked.y[checked.window :, 0])
-    np.testing.assert_array_equal(simulated.y, found.result.fit.simulated[checked.window :, 0])
+    # in the values of the record, without the operating point
+    level = checked.output_offset
+    np.testing.assert_array_equal(measured.y, checked.retrend().y[checked.window :, 0])
+    np.testing.assert_array_equal(simulated.y, (found.result.fit.simulated + level)[checked.window :, 0])
     assert measured.x[0] == pytest.approx(checked.start + checked.window * DT)
     ((step,),) = charts["step"].chart.views.values()
     (response,) = step.series

@@ -56,6 +56,15 @@ def test_data_of_a_chart_are_rounded_shared_and_gaps_are_null():
     assert not Chart(by_view(lambda n: (), {"one": 1})).views
 
 
+def test_counts_far_from_zero_keep_their_steps():
+    """An encoder that moves by single counts about eight million."""
+    counts = 8_000_000.0 + np.arange(5)
+    (panel,) = Chart({("all",): (Panel("time / s", "counts", [Series("a", np.arange(5.0), counts, LOOK)]),)}).data()[
+        "views"
+    ]["all"]
+    assert panel["series"][0]["y"] == tuple(counts)
+
+
 def test_logarithmic_axes_of_panels_have_one_range_and_zero_stands_at_its_end():
     first = Panel("x", "y", [Series("a", [1.0, 2.0], [0.0, 1e-9], LOOK)], log="y")
     second = Panel("x", "y", [Series("a", [1.0, 2.0], [np.inf, 1e3], LOOK)], log="y")

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from sysid.models import FrequencyResponse, StateSpace
 from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import FrequencyResponse
+from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 
 SLOWEST = 1e-6
