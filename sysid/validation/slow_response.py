@@ -37,7 +37,8 @@ class SlowResponse:
         output: Number of the output.
         input: Number of the input.
         p: p-value of the hypothesis that they do not follow it, over all time constants.
-        gain: Gain at 0 Hz of the slow part, in output units per input unit.
+        gain: Gain at 0 Hz of the slow part, in output units per input unit; of what a record hardly resolves its size
+            alone is known.
         time_constant: Time constant at which it fits best, s.
     """
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from scenarios.files.errors import ScenarioError
 from scenarios.identification.file_identification import identify_files
 from scenarios.identification.result_tables import verdict
 
@@ -120,3 +121,31 @@ def test_a_short_record_says_that_nothing_is_held_out(tmp_path):
     found = identified([written(tmp_path / "short.csv", u, lag(u) + 0.05 * rng.standard_normal(300))])
     (remark,) = [warning for warning in found.warnings if "nothing is held out" in warning]
     assert "because the longest piece has 300 samples of the 400 that are expected" in remark
+
+
+def test_an_output_that_stays_in_the_last_quarter_judges_nothing(tmp_path):
+    """Small commands at the end, within one step of a coarse encoder."""
+    rng = np.random.default_rng(15)
+    u = held(rng, 800, 10)
+    u[560:] = 0.01 * u[560:]
+    y = np.round((lag(u) + 0.02 * rng.standard_normal(800)) / 0.5) * 0.5
+    y[600:] = 0.0
+    found = identified([written(tmp_path / "stays.csv", u, y)])
+    assert found.held_out == 0.0
+    assert any("the output stays there" in warning for warning in found.warnings)
+
+
+def test_a_record_that_judges_its_own_model_is_said(tmp_path):
+    rng = np.random.default_rng(16)
+    u = held(rng, 500, 5)
+    path = written(tmp_path / "own.csv", u, lag(u) + 0.05 * rng.standard_normal(500))
+    found = identified([path], method="oe", orders=(1, 1, 2), validate=path)
+    assert any("is one that it was estimated from" in warning for warning in found.warnings)
+
+
+def test_impulseest_has_no_offset(tmp_path):
+    rng = np.random.default_rng(17)
+    u = held(rng, 500, 5)
+    path = written(tmp_path / "r.csv", u, lag(u))
+    with pytest.raises(ScenarioError, match="impulseest has no offset; expected one of arx, oe"):
+        identified([path], method="impulseest", offset=True)

@@ -113,3 +113,34 @@ def test_the_fit_of_the_command_stands_beside_that_of_the_model():
     late = u[judged.window - result.baseline.delays[0] : len(u) - result.baseline.delays[0]]
     assert fit == pytest.approx(100 * (1 - np.sqrt(np.mean((y - late) ** 2)) / y.std()))
     assert fit < result.fit.simulation[0]
+
+
+def creeping(rng, samples=800, hold=50):
+    """A lag of 10 samples, gain 1, and one of half the record, gain 0.35, beside 5 % noise."""
+    u = np.repeat(rng.choice([-1.0, 1.0], samples // hold), hold)
+    poles, gains = (0.9, np.exp(-2.0 / samples)), (1.0, 0.35)
+    y = sum(lfilter([0.0, gain * (1.0 - pole)], [1.0, -pole], u) for pole, gain in zip(poles, gains, strict=True))
+    return IOData(u, y + 0.05 * y.std() * rng.standard_normal(samples), 0.02)
+
+
+@pytest.mark.parametrize("method", [None, "oe", "tfest", "procest", pytest.param("impulseest", marks=pytest.mark.slow)])
+def test_a_slow_part_of_the_response_leaves_the_gain_open(method):
+    """A model of the fast part alone has a gain 26 % too small and white residuals."""
+    assert verdict(identified(creeping(np.random.default_rng([1, 7])), method)).startswith(("undecided", "not suff"))
+
+
+def test_a_single_sine_is_not_sufficient():
+    """Two parameters are all that it tells."""
+    rng = np.random.default_rng(40)
+    u = np.sin(2.0 * np.pi * 0.01 * np.arange(2000))
+    y = lfilter([0.0, 0.0012, 0.0012], [1.0, -1.9584, 0.9608], u)
+    result = identified(IOData(u, y + 0.02 * rng.standard_normal(2000), 0.01))
+    assert not verdict(result).startswith("sufficient")
+
+
+def test_inputs_that_move_together_are_told_in_the_verdict():
+    rng = np.random.default_rng(5)
+    u = held(rng, 900, 5)
+    y = lfilter([0.0, 0.2], [1.0, -0.8], u) + 0.02 * rng.standard_normal(900)
+    result = identified(IOData(np.column_stack((u, 2.0 * u + 1e-3 * rng.standard_normal(900))), y, 0.01))
+    assert verdict(result).startswith("undecided: the inputs u1, u2 move together")

@@ -3,10 +3,13 @@ import re
 import numpy as np
 import pytest
 import scipy
+from scipy.signal import lfilter
 
 import sysid
 import sysid.exchange
 from sysid import IOData, SysidError, auto, compare, residuals
+from sysid.polynomial.orders import Orders
+from sysid.selection import structure_search
 from sysid.validation.feedback import interchanged
 from tests.sysid.systems import exact_system, losing, second_order
 
@@ -253,3 +256,39 @@ def test_a_constant_takes_the_place_of_roots_at_one():
     alone = auto(IOData(u, y, 0.01).detrend(), methods=["oe"])
     best = choice.candidates[0]
     assert best.method == "oe" and best.ebic <= alone.candidates[0].ebic + 1e-6
+
+
+def test_a_pure_gain_chosen_among_output_error_models_is_one():
+    rng = np.random.default_rng(6)
+    u = np.repeat(rng.choice([-1.0, 1.0], 80), 5)
+    walk = np.cumsum(0.05 * rng.standard_normal(400))
+    choice = auto(IOData(u, 0.5 * np.concatenate(([0.0], u[:-1])) + walk, 0.1).detrend(), methods=["oe"])
+    assert choice.estimate.method == "oe"
+    assert {candidate.method for candidate in choice.candidates} == {"oe"}
+    assert choice.estimate.polynomials.F.size == 1
+
+
+def test_too_few_samples_for_any_order_are_refused():
+    u = np.array([0.0, 1.0, 0.0, 1.0, 1.0])
+    with pytest.raises(SysidError, match="the longest experiment has 5 samples, which determine no orders up to"):
+        auto(IOData(u, u[::-1].copy(), 1.0))
+
+
+def test_a_longer_delay_behind_a_small_first_coefficient_is_found():
+    """Of nb 3, nk 1 the first coefficient is noise: nb 2, nk 3 has the same dynamics with a parameter less."""
+    orders = Orders(0, (3,), 0, 0, (2,), (1,))
+    assert Orders(0, (2,), 0, 0, (2,), (3,)) in list(structure_search._neighbours(orders, {"nb", "nk"}))
+
+
+def test_a_slower_candidate_that_fits_better_is_a_caution():
+    """A lag of ten samples and one of half the record, gains 1 and 0.35."""
+    rng = np.random.default_rng([1, 7])
+    u = np.repeat(rng.choice([-1.0, 1.0], 16), 50)
+    y = lfilter([0.0, 0.1], [1.0, -0.9], u)
+    slow = np.exp(-2.0 / 800)
+    y = y + lfilter([0.0, 0.35 * (1.0 - slow)], [1.0, -slow], u)
+    choice = auto(IOData(u, y + 0.05 * y.std() * rng.standard_normal(800), 0.02).detrend())
+    fits_gain = choice.estimate.dc_gain()[0, 0] == pytest.approx(1.35, rel=0.2)
+    assert fits_gain or (choice.slower in choice.cautions and "slower than a third of the record" in choice.slower)
+    if choice.slower:
+        assert "of those that may be chosen" in choice.reason and "is refused: " in choice.reason
