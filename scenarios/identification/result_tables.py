@@ -10,7 +10,7 @@ from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
 from scenarios.identification.identification import LASTING, FittedModel, Identification, dependent_inputs, deviations
 from scenarios.identification.run_agreement import RunAgreement
-from sysid import Estimate, IOData, ResidualTest, StructureChoice
+from sysid import Estimate, IOData, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
@@ -341,7 +341,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         *_bandwidth_rows(fitted),
         *_response_rows(fitted),
         *_noise_rows(fitted.estimate, unit),
-        *_residual_rows(result.test, result.untested),
+        *_residual_rows(result),
         *_nonlinearity_rows(result),
     ]
 
@@ -472,15 +472,19 @@ def _zero_rows(model: Estimate) -> list[tuple[str, str]]:
     return [("zeros (z plane)", roots_text(model.zeros()))]
 
 
-def _residual_rows(test: ResidualTest | None, untested: str) -> list[tuple[str, str]]:
+def _residual_rows(result: Identification) -> list[tuple[str, str]]:
+    test = result.test
     if test is None:
-        return [("residual test", f"not computed: {untested}")]
+        return [("residual test", f"not computed: {result.untested}")]
+    of_all = ""
+    if result.test_of_all is not None:
+        of_all = f"; of all samples {_test_outcomes(result.test_of_all.independent, result.test_of_all.independence_p)}"
     # The correlations that a figure shows are those of the residuals as they are.
     return [
         ("residuals white", _test_outcomes(test.white, test.whiteness_p)),
         (
             "residuals independent of the input",
-            _test_outcomes(test.independent, test.independence_p) + ", tested on whitened residuals",
+            f"{_test_outcomes(test.independent, test.independence_p)}, tested on whitened residuals{of_all}",
         ),
     ]
 

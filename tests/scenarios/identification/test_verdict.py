@@ -11,6 +11,7 @@ from scenarios.identification.order_choice import choose_and_identify, hold_out
 from scenarios.identification.result_tables import model_rows, verdict
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
+from tests.benchmarks.automatic_choice import KINDS
 from tests.benchmarks.nonlinear_joints import joint, stiff_servo
 
 
@@ -144,3 +145,17 @@ def test_inputs_that_move_together_are_told_in_the_verdict():
     y = lfilter([0.0, 0.2], [1.0, -0.8], u) + 0.02 * rng.standard_normal(900)
     result = identified(IOData(np.column_stack((u, 2.0 * u + 1e-3 * rng.standard_normal(900))), y, 0.01))
     assert verdict(result).startswith("undecided: the inputs u1, u2 move together")
+
+
+def test_a_residual_test_that_fails_by_chance_on_the_end_withholds_nothing():
+    """p = 0.005 on the part held out and 0.78 on all samples, of a right model."""
+    _, (record,) = KINDS["clean"](np.random.default_rng([121, 4]))
+    result = identified(record)
+    assert not result.test.independent.all() and result.by_chance.all()
+    assert verdict(result).startswith("sufficient")
+    row = dict(model_rows(result))["residuals independent of the input"]
+    assert row.startswith("no (p = 0.005") and "; of all samples yes (p = 0.7" in row
+    assert result.record()["residuals"]["independence_p_of_all_samples"][0, 0] > 0.5
+    # one that fails for sure does not fail by chance
+    sure = replace(result.test, independence_p=np.array([[1e-4]]))
+    assert replace(result, test=sure).depends_on_input
