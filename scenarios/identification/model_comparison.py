@@ -16,8 +16,11 @@ from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.model_forms import as_model
 from sysid.models.predict import aligned, channels_in
-from sysid.models.static_gain import gain_at_zero
+from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
+
+LOW = 0.1
+"""Frequency, Hz, below which three decimals are too few."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,14 +57,21 @@ class JudgedModel:
     def bandwidth_cells(self, output: int, input: int) -> tuple[str, str]:
         """Return bandwidth and 95 % interval of a path as texts; a dash or nothing where there is none."""
         hz, (low, high) = self.bandwidth_hz[output, input], self.ci95[output, input]
-        bandwidth = f"{hz:.3f}" if np.isfinite(hz) else "—"
-        interval = f"{low:.3f} to {high:.3f}" if np.isfinite(low) else ""
-        return bandwidth, interval
+        # of an integrator neither means anything
+        if not np.isfinite(hz) or np.isnan(self.gain[output, input]):
+            return "—", ""
+        interval = f"{_hz_text(low)} to {_hz_text(high)}" if np.isfinite(low) else ""
+        return _hz_text(hz), interval
+
+    @property
+    def gain(self) -> NDArray[np.float64]:
+        """Gain at 0 Hz of every path (ny, nu), NaN of those that integrate for a record of this length."""
+        return gain_told_by(self.model, self.model.dt, len(self.fit.simulated))
 
     def record(self) -> dict[str, object]:
         """Return what `hmtb compare --json` prints of it; of a single path numbers, else rows of outputs."""
         is_single_path = self.model.nu == self.model.ny == 1
-        paths = {"bandwidth_hz": self.bandwidth_hz, "ci95": self.ci95, "dc_gain": self.model.dc_gain()}
+        paths = {"bandwidth_hz": self.bandwidth_hz, "ci95": self.ci95, "dc_gain": self.gain}
         if is_single_path:
             paths = {name: values[0, 0] for name, values in paths.items()}
         half_power_hz = self._half_power_hz()
@@ -204,7 +214,7 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
     columns += ["bandwidth Hz", "95 % interval", "gain at 0 Hz", "stable"]
     rows = []
     for judged in models:
-        gain, fit = gain_at_zero(judged.model, judged.model.dt), judged.fit
+        gain, fit = judged.gain, judged.fit
         stable = "yes" if judged.model.is_stable() else "NO"
         for i, output in enumerate(outputs):
             row = [judged.label if i == 0 else ""]
@@ -219,6 +229,11 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
             row.append("—" if np.isnan(gain[i, k]) else _gain_text(gain[i, k]))
             rows.append((*row, stable))
     return ResultTable(title, tuple(columns), tuple(rows))
+
+
+def _hz_text(hz: float) -> str:
+    """A frequency with three decimals, or with four digits where it is so low that these would show none."""
+    return f"{hz:.3f}" if hz >= LOW else f"{hz:.4g}"
 
 
 def _gain_text(gain: float) -> str:

@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from hmtb_twin import JointLog, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import LARGE_MOTION
+from scenarios.commands.cli import main
 from scenarios.experiments.registry import load
 from scenarios.files.data_file import read_parts, write_log
 from scenarios.identification.named_models import parse_model_name
@@ -203,3 +205,22 @@ def test_joints_of_logs_and_records_are_read_together(logs, tmp_path):
 def test_a_table_of_another_robot_is_not_followed_by_the_truth_of_the_arm(printed, csv, tmp_path):
     shown = printed("compare", csv, "--models", "arx:1/1", "--out", tmp_path / "own.png")
     assert "figure: " in shown and "next:" not in shown
+
+
+def test_a_slow_plant_has_its_digits_and_an_integrator_no_gain(capsys, tmp_path):
+    """A heater of 300 s, and the position of a motor."""
+    rng = np.random.default_rng(8)
+    u = np.repeat(rng.choice([-1.0, 1.0], 60), 20)
+    pole = np.exp(-5.0 / 300.0)
+    for name, y in (
+        ("heater", lfilter([0.0, 0.8 * (1.0 - pole)], [1.0, -pole], u)),
+        ("motor", np.cumsum(lfilter([0.0, 0.02], [1.0, -0.9], u))),
+    ):
+        path = tmp_path / f"{name}.csv"
+        columns = np.column_stack((5.0 * np.arange(len(u)), u, y + 1e-4 * rng.standard_normal(len(u))))
+        np.savetxt(path, columns, delimiter=",", header="t,u,y", comments="", fmt="%.8g")
+        assert main(["compare", str(path), "--models", "oe:1/1" if name == "heater" else "oe:2/2/1"]) == 0
+        table = capsys.readouterr().out
+        row = next(line for line in table.splitlines() if line.strip().startswith("oe"))
+        # 1 / (2 pi 300 s) = 0.000531 Hz
+        assert "0.00053" in row if name == "heater" else row.count("—") >= 2
