@@ -221,6 +221,6 @@ def test_a_slow_plant_has_its_digits_and_an_integrator_no_gain(capsys, tmp_path)
         np.savetxt(path, columns, delimiter=",", header="t,u,y", comments="", fmt="%.8g")
         assert main(["compare", str(path), "--models", "oe:1/1" if name == "heater" else "oe:2/2/1"]) == 0
         table = capsys.readouterr().out
-        row = next(line for line in table.splitlines() if line.strip().startswith("oe"))
+        row = next(line for line in table.splitlines() if line.strip().startswith("OE"))
         # 1 / (2 pi 300 s) = 0.000531 Hz
         assert "0.00053" in row if name == "heater" else row.count("—") >= 2
