@@ -8,13 +8,21 @@ import numpy as np
 from scenarios.files.data_file import joints_of
 from scenarios.files.result_table import ResultTable
 from scenarios.identification.file_identification import FileIdentification
-from scenarios.identification.identification import LASTING, FittedModel, Identification, dependent_inputs, deviations
+from scenarios.identification.identification import (
+    LASTING,
+    FittedModel,
+    Identification,
+    dependent_inputs,
+    deviations,
+    without_python_advice,
+)
 from scenarios.identification.run_agreement import RunAgreement
 from sysid import Estimate, IOData, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.data_checks import POORLY_EXCITED
+from sysid.polynomial.offset_test import MISSING_OFFSET
 from sysid.polynomial.response_features import response_features
 from sysid.records.arrays import ComplexArray
 from sysid.records.excited_band import excited_band
@@ -196,7 +204,10 @@ def verdict(result: Identification) -> str:
         return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fits}, below 0 %"
     if result.test is None:
         return f"residuals not tested; simulated fit {fits}"
-    if result.nonlinear:
+    if (result.nonlinear or result.depends_on_input) and (offset := _message(result.fitted, MISSING_OFFSET)):
+        # what an offset leaves looks like anything
+        words = f"not sufficient: {without_python_advice(offset)}; --offset, or of an integrator --trend, estimates it"
+    elif result.nonlinear:
         words = f"not sufficient: {_nonlinearity_in_words(result)}"
     elif result.depends_on_input:
         words = f"not sufficient: {_DEPENDENT}"
@@ -206,7 +217,7 @@ def verdict(result: Identification) -> str:
         words = f"undecided: {'; '.join(result.cautions)}"
     elif creep := _slow_part(result):
         words = f"undecided: {creep}"
-    elif unexcited := _unexcited(result.fitted):
+    elif unexcited := _message(result.fitted, POORLY_EXCITED):
         words = f"undecided: {unexcited}"
     elif left_open := _undetermined(result):
         # no longer record would tell the effects of inputs that move together
@@ -250,11 +261,10 @@ def _slow_part(result: Identification) -> str:
     return ""
 
 
-def _unexcited(fitted: FittedModel) -> str:
-    """Input that excites fewer orders than the model has parameters, in words; empty if none."""
+def _message(fitted: FittedModel, code: str) -> str:
+    """What the estimator warned of under a code; empty if it did not."""
     messages = fitted.estimate.diagnostics.get("warnings", ())
-    found = (str(message) for message in messages if getattr(message, "code", "") == POORLY_EXCITED)
-    return next(found, "")
+    return next((message for message in messages if getattr(message, "code", "") == code), "")
 
 
 def _verdict_of_unstable(result: Identification) -> str:

@@ -25,6 +25,7 @@ LONGEST = 20_000  # samples of a record that are looked at: a transient at the b
 REFINEMENTS = 15  # steps of a fit with a constant, which shows whether the one without lacks it
 EXACT = 1e-20  # sum of squares of the errors, relative to that of the outputs, that is rounding
 
+MISSING_OFFSET = "missing-offset"  # code of the message on an offset that the errors keep
 ADVICE = "; oe, arx, armax, bj, tfest and procest take offset=True"
 
 
@@ -60,7 +61,7 @@ def offset_message(offset: FloatArray, evidence: float, where: str, names: Seque
         f"the errors{where} keep an offset of the output, {levels}, which the model lacks: its gain and slow poles are "
         f"biased, as where the mean of a transient was subtracted{ADVICE}"
     )
-    return [Message(text, "missing-offset", offset=ADVICE)]
+    return [Message(text, MISSING_OFFSET, offset=ADVICE)]
 
 
 def missing_constant(experiments: Sequence[IOData], orders: Orders, at: Linearisation) -> list[str]:

@@ -149,3 +149,15 @@ def test_impulseest_has_no_offset(tmp_path):
     path = written(tmp_path / "r.csv", u, lag(u))
     with pytest.raises(ScenarioError, match="impulseest has no offset; expected one of arx, oe"):
         identified([path], method="impulseest", offset=True)
+
+
+def test_an_offset_that_the_errors_keep_is_no_nonlinearity(tmp_path):
+    """Position of a motor about the mean of its input, which is a ramp of the output."""
+    rng = np.random.default_rng(18)
+    u = held(rng, 1500, 40) + 0.5 * (np.arange(1500) > 300)
+    y = np.cumsum(lfilter([0.0, 2.0], [1.0, -0.8], u))
+    path = written(tmp_path / "motor.csv", u, y + 0.05 * rng.standard_normal(1500))
+    about_means = verdict(identified([path], method="oe", orders=(2, 2, 1)).result)
+    assert about_means.startswith("not sufficient: the errors keep an offset of the output, about ")
+    assert "--trend, estimates it" in about_means
+    assert verdict(identified([path], method="oe", orders=(2, 2, 1), trend=True).result).startswith("sufficient")
