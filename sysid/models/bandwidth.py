@@ -136,8 +136,8 @@ def _smooth(variance: FloatArray) -> FloatArray:
 WIDEST = 100.0  # ratio of the ends of a 95 % interval beyond which the bandwidth counts as undetermined
 INTEGRATES = 1e-6  # distance from z = 1 below which a pole integrates: there is no gain at 0 Hz to compare with
 DETECTED = 16.0  # power of a response above a frequency, in variances of the disturbance per line: four deviations
-EXTRAPOLATED = 1.2  # bandwidth, relative to the highest excited frequency, up to which a response is taken as smooth
-BEYOND_LINES = 1.5  # likewise, relative to the highest strong line of the input, near which the response is known well
+EXTRAPOLATED = 1.2  # bandwidth, relative to the highest excited frequency, from which on it is said to be extrapolated
+BEYOND_LINES = 1.5  # likewise, relative to the highest strong line of the input, up to which the response is smooth
 ROUNDING = 1e-12  # power of a line, relative to the strongest, that may be rounding of the record
 
 
@@ -186,7 +186,7 @@ def bandwidth_claim(
         objections += _bandwidth_objections((hz, low, high), record, lowest)
         highest = _highest_excited(estimate, (record, *judged), output, input, hz)
         of_lines = _highest_line((record, *judged), input)
-        if hz > max(EXTRAPOLATED * highest, BEYOND_LINES * of_lines):
+        if hz > max(highest, BEYOND_LINES * of_lines):
             objections.append(
                 f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, extrapolated to {hz / highest:.2g} "
                 f"times the highest frequency that the input excites, {highest:.2g} Hz"
