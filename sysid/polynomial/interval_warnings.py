@@ -162,8 +162,8 @@ def _nearly_shared(
         if strength < SHARED_ROOT:
             messages.append(
                 f"{names} nearly share a root: what holds them apart is {np.sqrt(strength):.2g} standard deviations, "
-                f"expected {np.sqrt(SHARED_ROOT):.2g} or more. Intervals of these coefficients are too short. Choose "
-                "one order less of each"
+                f"expected {np.sqrt(SHARED_ROOT):.2g} or more. Intervals are too short, above all of these "
+                "coefficients. Choose one order less of each"
             )
     return messages
 
