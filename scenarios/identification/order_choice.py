@@ -30,6 +30,9 @@ HELD_OUT = 0.25
 STEADY = 0.02
 """Deviation of an input in the held-out part, relative to that in the record, up to which it does not move there."""
 
+LOOKED_AT_AGAIN = 4000
+"""Samples of all records up to which a slow mode is looked for in all of them."""
+
 CLOSE = 0.2
 """Part by which gains at 0 Hz of the chosen model and of a discrete one may differ."""
 
@@ -86,6 +89,10 @@ def choose_and_identify(
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         choice = _choice(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
+        if whole is not None and not choice.cautions and sum(map(len, whole)) <= LOOKED_AT_AGAIN:
+            # a slow mode that the part estimated from hides may show in all samples
+            slower = _choice(whole, method, keep_mean=keep_mean, offset=offset, trend=trend).slower
+            choice = replace(choice, cautions=(slower,) if slower else ())
         result = identify(
             records,
             *_chosen(choice),

@@ -172,7 +172,7 @@ def auto(
     direct = truth_value("direct", direct)
     trends = _trends(experiments, offset, trend)
     without_trend = _without_trend(experiments, trends[0])
-    is_nonlinear = not validation_data and _is_nonlinear(without_trend)
+    is_nonlinear = not validation_data and _is_nonlinear(without_trend, largest)
     if is_nonlinear:
         largest = min(largest, NONLINEAR_LARGEST)
     loop = _loop(without_trend, direct=direct)
@@ -418,16 +418,24 @@ class Objection(Enum):
     """They depend on it nonlinearly, so much that it matters."""
 
 
-def _is_nonlinear(experiments: Experiments) -> bool:
+def _is_nonlinear(experiments: Experiments, largest: int) -> bool:
     """Whether an autoregressive model of high order leaves residuals that depend nonlinearly on the input."""
     if experiments[0].ny > 1:
         return False
-    parts = complete_parts(experiments)
+    parts, inputs = complete_parts(experiments), experiments[0].nu
     with warnings.catch_warnings(), suppress(SysidError):
         warnings.simplefilter("ignore", SysidWarning)
-        test = nonlinearity(arx(parts, HIGH_ORDER, HIGH_ORDER, 1), parts, named=False)
-        return test is not None and bool(test.material.any())
+        if not _leaves_nonlinearity(parts, (1,) * inputs):
+            return False
+        # what acts after more lags than the model has is not nonlinear
+        delays = _delays(_estimated_delays(experiments, largest), inputs)
+        return max(delays) <= HIGH_ORDER // 2 or _leaves_nonlinearity(parts, delays)
     return False
+
+
+def _leaves_nonlinearity(parts: Sequence[IOData], delays: tuple[int, ...]) -> bool:
+    test = nonlinearity(arx(parts, HIGH_ORDER, (HIGH_ORDER,) * len(delays), delays), parts, named=False)
+    return test is not None and bool(test.material.any())
 
 
 def _objection(best: Candidate, search: StructureSearch, experiments: Experiments, fed_back: bool) -> Objection:

@@ -23,6 +23,9 @@ EXPLAINED = 0.3  # the same relative to the output, up to which the record is th
 EVALUATIONS = 12  # of each search, whose derivatives take one simulation per parameter more
 SETTLED = 1e-3  # decrease by a step, relative to the cost, at which a search ends: kinds differ by far more
 DAMPING = 0.7  # at the start
+PARAMETERS = 4
+"""Parameters of each joint: frequency, damping and gain of its servo, and the size of the nonlinearity."""
+
 SIZES = {FRICTION: (0.03, 0.1, 0.3), PLAY: (0.03, 0.1, 0.3), SATURATION: (0.3, 1.0)}
 """Starts of the size of each nonlinearity, relative to the largest deviation of the output: error of the command
 that is held, half of the gap, error from which on the drive is limited."""
@@ -47,7 +50,9 @@ def play(signal: FloatArray, width: float) -> FloatArray:
     return np.clip(float(signal[0]), low, high)
 
 
-def told_kind(u: FloatArray, y: FloatArray, dt: float, delay: int, bandwidth: float) -> str:
+def told_kind(
+    u: FloatArray, y: FloatArray, dt: float, delay: int, bandwidth: float, simulated: FloatArray | None = None
+) -> str:
     """Kind of nonlinearity of a record of a joint; empty where the models do not tell one.
 
     Args:
@@ -56,7 +61,9 @@ def told_kind(u: FloatArray, y: FloatArray, dt: float, delay: int, bandwidth: fl
         dt: Sampling interval, s.
         delay: Dead time, samples.
         bandwidth: Bandwidth of a linear model, Hz, from which the searches start; NaN where it is not known.
+        simulated: Simulation of a linear model that is no larger than these (N,), which counts beside the linear servo.
     """
+    beside = None if simulated is None else simulated[:LONGEST] - simulated[:LONGEST].mean()
     y = y[:LONGEST] - y[:LONGEST].mean()
     reach = float(np.abs(y).max())
     if len(y) < FEWEST or not reach or np.ptp(u[: len(y)]) == 0.0:
@@ -64,6 +71,8 @@ def told_kind(u: FloatArray, y: FloatArray, dt: float, delay: int, bandwidth: fl
     natural = bandwidth if np.isfinite(bandwidth) and 0.0 < bandwidth < 0.25 / dt else 0.05 / dt
     start = np.array([np.log(2.0 * np.pi * natural), np.log(DAMPING), 1.0])
     linear_cost, costs = np.inf, dict.fromkeys(_SIMULATIONS, np.inf)
+    if beside is not None:
+        linear_cost = 0.5 * float(np.sum((y - beside) ** 2))
     # the dead time of a linear model may be the time that play or friction takes
     for dead_time in sorted({0, delay}):
         held = np.concatenate((np.full(dead_time, u[0]), u))[: len(y)]

@@ -18,8 +18,9 @@ from sysid.polynomial.regressors import lagged
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.printing import AT_ZERO
 from sysid.records.singular_values import svd
-from sysid.validation.joint_nonlinearity import FRICTION, PLAY, SATURATION, stop, told_kind
+from sysid.validation.joint_nonlinearity import FRICTION, PARAMETERS, PLAY, SATURATION, stop, told_kind
 
 LAGS = 20  # of the inputs beside the tested terms: what depends linearly on the input is left to them
 WHITENER = 25  # order of the autoregressive model of the residuals, at most
@@ -115,7 +116,7 @@ def nonlinearity(
         if is_significant and distortion[i] >= MATERIAL:
             kinds[i] = _kind(model, terms[0], explained)
         elif not varies[i] and not (is_significant and distortion[i] >= TRACE):
-            kind = _kind_of_joint(model, terms[0])
+            kind = _kind_of_joint(model, terms[0], beside_model=True)
             # beside saturation the linear model of a record is that of its servo
             hidden[i] = kind if kind in (FRICTION, PLAY) else ""
     return NonlinearityTest(p_values, distortion, tuple(kinds), tuple(varies), level, tuple(hidden))
@@ -296,12 +297,20 @@ def _kind(model: StateSpace, terms: _Terms, explained: dict[str, float]) -> str:
     return ""
 
 
-def _kind_of_joint(model: StateSpace, terms: _Terms) -> str:
-    """Kind of nonlinearity by small models of joints that differ in it; empty where they do not tell one."""
+def _kind_of_joint(model: StateSpace, terms: _Terms, *, beside_model: bool = False) -> str:
+    """Kind of nonlinearity by small models of joints that differ in it; empty where they do not tell one.
+
+    With `beside_model` the model itself counts too, if it has no more parameters than a joint: a lag behind a delay is
+    no servo of second order.
+    """
     record = terms.record
     path = model.input_path().channel(terms.main, terms.output)
     response = np.abs(path.markov(LAGS)[:, 0, 0])
     # the dead time ends where the response to a pulse is no longer a small part of its largest value
     delay = max(int(np.argmax(response >= RESPONDS * response.max())) - 1, 0)
     bandwidth = float(path.bandwidth()[0, 0])
-    return told_kind(record.u[:, terms.main], terms.target, record.dt, delay, bandwidth)
+    simulated = None
+    parameters = 1 + np.count_nonzero(np.abs(path.poles()) > AT_ZERO) + len(path.zeros())
+    if beside_model and parameters <= PARAMETERS:
+        simulated = terms.target - (record.y - predict(model, record, steps=None))[:, terms.output]
+    return told_kind(record.u[:, terms.main], terms.target, record.dt, delay, bandwidth, simulated)

@@ -16,8 +16,11 @@ from sysid.polynomial.least_squares import solve
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
-SHARES = (2, 4, 8, 16, 32)
-"""Time constants that are tried, in parts of the longest record."""
+SHARES = (0.5, 1, 2, 4, 8, 16, 32)
+"""Time constants that are tried, in parts of the longest record: up to two records."""
+
+AS_GOOD = 4.0
+"""Sum of squares, in variances, by which a time constant may explain less than the best and be as good."""
 
 LAGS = 12
 """Past errors beside which the slow inputs must explain the present one: their colour."""
@@ -37,8 +40,7 @@ class SlowResponse:
         output: Number of the output.
         input: Number of the input.
         p: p-value of the hypothesis that they do not follow it, over all time constants.
-        gain: Gain at 0 Hz of the slow part, in output units per input unit; of what a record hardly resolves its size
-            alone is known.
+        gain: Gain at 0 Hz of the slow part, in output units per input unit, the largest of those that are as likely.
         time_constant: Time constant at which it fits best, s.
     """
 
@@ -92,7 +94,7 @@ def _averaged(signals: FloatArray, width: int) -> FloatArray:
 
 
 def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple[float, float, float] | None:
-    """p-value over all time constants, gain and time constant (samples) of the best one; None if too few samples."""
+    """p-value over all time constants, largest gain of those that are as good, best one; None of too few samples."""
     longest = max(map(len, errors))
     count = sum(len(error) - LAGS for error in errors)
     common = scipy.linalg.block_diag(*(_line(len(error) - LAGS) for error in errors))
@@ -103,18 +105,22 @@ def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple
         return None
     basis, _ = np.linalg.qr(np.column_stack((past, common)))
     rest = target - basis @ (basis.T @ target)
-    best: tuple[float, float, float] | None = None
+    tried = []
     for share in SHARES:
         slow = np.concatenate([_slow(u, longest / share) for u in inputs])
         slow = slow - basis @ (basis.T @ slow)
         fitted = slow @ solve(slow, rest).solution
         explained, left = float(np.sum(fitted**2)), float(np.sum((rest - fitted) ** 2))
-        if not left > 0.0:
-            continue
-        p = min(len(SHARES) * float(scipy.stats.f.sf(0.5 * explained * free / left, 2, free)), 1.0)
-        if best is None or p < best[0]:
-            best = p, _gain(errors, inputs, common, past, target, longest / share), longest / share
-    return best
+        if left > 0.0:
+            tried.append((explained * free / left, longest / share))
+    if not tried:
+        return None
+    best, constant = max(tried)
+    p = min(len(SHARES) * float(scipy.stats.f.sf(0.5 * best, 2, free)), 1.0)
+    # of time constants that are as good the slowest has the largest gain
+    as_good = [one for statistic, one in tried if statistic > best - AS_GOOD]
+    gains = [_gain(errors, inputs, common, past, target, one) for one in as_good]
+    return p, max(gains, key=abs), constant
 
 
 def _gain(

@@ -159,3 +159,37 @@ def test_a_residual_test_that_fails_by_chance_on_the_end_withholds_nothing():
     # one that fails for sure does not fail by chance
     sure = replace(result.test, independence_p=np.array([[1e-4]]))
     assert replace(result, test=sure).depends_on_input
+
+
+def test_creep_under_smooth_commands_is_not_sufficient():
+    """Minimum-jerk commands, a creep of a fifth of the gain over three records: the fast part alone fits 93 %."""
+    rng = np.random.default_rng(115)
+    samples = 1000
+    knots = np.repeat(rng.uniform(-1.0, 1.0, samples // 100 + 1), 100)[: samples + 40]
+    u = np.convolve(knots, np.hanning(41) / np.hanning(41).sum(), "valid")[:samples]
+    poles, gains = (0.81, np.exp(-1.0 / (1.5 * samples))), (0.8, 0.4)
+    y = sum(lfilter([0.0, gain * (1.0 - pole)], [1.0, -pole], u) for pole, gain in zip(poles, gains, strict=True))
+    result = identified(IOData(u, y + 0.03 * y.std() * rng.standard_normal(samples), 0.02))
+    gain = result.fitted.estimate.dc_gain()[0, 0]
+    assert gain == pytest.approx(1.2, rel=0.2) or not verdict(result).startswith("sufficient")
+
+
+@pytest.mark.parametrize("delay", [2, 4])
+def test_a_lag_behind_a_delay_is_no_play(delay):
+    """Its second-order servo describes it worse than one with play does."""
+    for seed in range(100, 104):
+        rng = np.random.default_rng(seed)
+        u = np.repeat(rng.choice([-1.0, 1.0], 160), 5)
+        y = lfilter([0.0] * delay + [0.1], [1.0, -0.9], u)
+        result = identified(IOData(u, y + 0.01 * y.std() * rng.standard_normal(800), 0.02))
+        assert result.nonlinearity.hidden == ("",)
+        assert result.fitted.estimate.dc_gain()[0, 0] == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_delay_longer_than_the_long_model_is_no_nonlinearity():
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.choice([-1.0, 1.0], 60), 15)
+    y = lfilter([0.0] * 20 + [0.3], [1.0, -0.7], u)
+    result = identified(IOData(u, y + 0.01 * y.std() * rng.standard_normal(900), 0.02))
+    assert verdict(result).startswith("sufficient")
+    assert result.fitted.orders["nk"] == 20
