@@ -19,7 +19,7 @@ from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import Message, SysidError, SysidWarning
 from sysid.records.printing import Part, Table
 from sysid.selection.simulation_ranking import SimulationRanking, better_in_simulation
 from sysid.selection.structure_search import (
@@ -163,10 +163,9 @@ def auto(
     validation_data = () if validation is None else as_experiments(validation, missing=True)
     largest, samples = whole_number("largest", largest, 1), max(map(len, experiments))
     if samples < largest:
-        raise SysidError(
-            f"the longest experiment has {samples} samples, which determine no orders up to largest = {largest}; "
-            "expected more samples"
-        )
+        advice = ", or a smaller largest"
+        text = f"the longest experiment has {samples} samples, which determine no orders up to {largest}; expected more"
+        raise SysidError(Message(f"{text}{advice}", "too-few-samples", largest=advice))
     longest = whole_number("longest", longest, 100)
     names = _methods_to_try(methods)
     direct = truth_value("direct", direct)

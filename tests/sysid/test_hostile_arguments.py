@@ -171,7 +171,10 @@ def test_options_that_are_flags_or_choices_refuse_everything_else(name):
         ("f_hz: expected a list", lambda: PILOT.frequency_response(np.ones((3, 3)))),
         ("methods: expected some", lambda: sysid.auto(RECORD, methods=5)),
         ("methods: expected some", lambda: sysid.auto(RECORD, methods=RAGGED)),
-        ("largest must be", lambda: sysid.auto(RECORD, largest=10**9)),
+        (
+            "determine no orders up to 1000000000; expected more, or a smaller largest",
+            lambda: sysid.auto(RECORD, largest=10**9),
+        ),
         ("estimator must be a function", lambda: sysid.structure_scan(5, RECORD, ("na",), [(1,)])),
         ("has no named parameters", lambda: sysid.structure_scan(int, RECORD, ("na",), [(1,)])),
         ("names of orders as texts", lambda: sysid.structure_scan(sysid.arx, RECORD, [1, 2], [(1, 1)])),
