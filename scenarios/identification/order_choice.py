@@ -89,9 +89,10 @@ def choose_and_identify(
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
         choice = _choice(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
-        if whole is not None and not choice.cautions and sum(map(len, whole)) <= LOOKED_AT_AGAIN:
-            # a slow mode that the part estimated from hides may show in all samples
-            slower = _choice(whole, method, keep_mean=keep_mean, offset=offset, trend=trend).slower
+        # a slow mode that the part estimated from hides may show in all samples; of one output alone it is looked for
+        is_short = whole is not None and whole[0].ny == 1 and sum(map(len, whole)) <= LOOKED_AT_AGAIN
+        if whole is not None and is_short and not choice.cautions:
+            slower = _discrete(whole, method, keep_mean=keep_mean, offset=offset, trend=trend).slower
             choice = replace(choice, cautions=(slower,) if slower else ())
         result = identify(
             records,
@@ -112,33 +113,42 @@ def _choice(
     records: Sequence[IOData], method: str | None, *, keep_mean: bool, offset: bool | None, trend: bool | None
 ) -> StructureChoice:
     """The choice, on the records about their means."""
-    about = records if keep_mean else subtract_means(records)
-    if keep_mean:
-        offset, trend = False, False
     if method is None or method in ORDERS:
-        return sysid.auto(about, methods=None if method is None else [method], offset=offset, trend=trend)
+        return _discrete(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
+    about = records if keep_mean else subtract_means(records)
     if method == "tfest":
         choice = choose_tfest(about, offset=not keep_mean)
     elif method == "procest":
         choice = choose_procest(about, offset=not keep_mean)
     else:
         choice = choose_impulseest(about)
-    return _beside_discrete(choice, about, offset=offset)
+    if choice.estimate.model.ny > 1:
+        return choice
+    try:
+        beside = _discrete(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
+    except SysidError:
+        return choice
+    return _beside_discrete(choice, beside, about)
 
 
-def _beside_discrete(choice: StructureChoice, records: Sequence[IOData], *, offset: bool | None) -> StructureChoice:
-    """A choice with what discrete models of the same records, with models of the disturbance, say against it.
+def _discrete(
+    records: Sequence[IOData], method: str | None, *, keep_mean: bool, offset: bool | None, trend: bool | None
+) -> StructureChoice:
+    """The choice of `auto` on the records about their means: of one of its methods, or of all where it has it not."""
+    about = records if keep_mean else subtract_means(records)
+    if keep_mean:
+        offset, trend = False, False
+    methods = None if method is None or method not in ORDERS else [method]
+    return sysid.auto(about, methods=methods, offset=offset, trend=trend)
+
+
+def _beside_discrete(choice: StructureChoice, beside: StructureChoice, records: Sequence[IOData]) -> StructureChoice:
+    """A choice with what the one of discrete models, with models of the disturbance, says against it.
 
     Errors weighted by their colour take a slow part of the response for noise: a slower model that fits better, or one
     with another gain, makes it a caution.
     """
     estimate = choice.estimate
-    if estimate.model.ny > 1:
-        return choice
-    try:
-        beside = sysid.auto(records, offset=offset)
-    except SysidError:
-        return choice
     objection, best = beside.slower, beside.candidates[0]
     if not beside.cautions:
         samples, dt = max(map(len, records)), records[0].dt

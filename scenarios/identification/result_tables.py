@@ -52,8 +52,10 @@ FEW = 10
 """Samples for each parameter below which no interval is a promise: of bj at ten, those of 95 % held in 79 %."""
 
 SLOW_PART = 0.05
-"""Gain of a slow part of the response that the model lacks, relative to that of the model, from which on it counts: of
-a lag, 9 % less gain is 20 % more bandwidth."""
+"""Least gain of a slow part that the model lacks, relative to the gain of the model, that leaves the verdict open.
+
+A lag with 9 % less gain has 20 % more bandwidth.
+"""
 
 GRID = 50
 """Frequencies, up to the highest that the input excites, at which the largest gain is looked for."""
@@ -250,10 +252,12 @@ def _no_better_than_command(result: Identification) -> str:
 
 def _slow_part(result: Identification) -> str:
     """A slow part of the response that the model lacks and that would change its gain, in words; empty if none."""
-    fitted = result.fitted
+    if not result.slow:
+        return ""
+    gains, integrates = result.fitted.gain, result.fitted.integrates
     for path in result.slow:
-        gain = float(fitted.gain[path.output, path.input])
-        if not fitted.integrates[path.output, path.input] and abs(path.gain) > SLOW_PART * abs(gain):
+        gain = float(gains[path.output, path.input])
+        if not integrates[path.output, path.input] and abs(path.gain) > SLOW_PART * abs(gain):
             return (
                 f"the simulation errors follow the input slowly, as by a time constant of about "
                 f"{path.time_constant:.2g} s (p = {path.p:.1g}), which would change the gain at 0 Hz by "
@@ -304,13 +308,14 @@ def _undetermined(result: Identification) -> str:
     is_excited = frequencies[:, None] <= np.maximum(highest, lowest)
     magnitude = np.where(is_excited[:, None, :], np.abs(response.response), 0.0)
     deviation = np.sqrt(np.trace(response.covariance[0], axis1=-2, axis2=-1))
-    unknown = np.isnan(fitted.gain) & ~fitted.integrates
+    integrating = fitted.integrates
+    unknown = np.isnan(fitted.gain) & ~integrating
     others = "; structures that fit as well differ by {:.0%}"
     for (i, j), value in np.ndenumerate(magnitude[0]):
         path = ""
         if value.size < magnitude[0].size:
             path = f" from {(first.input_names or ())[j]} to {(first.output_names or ())[i]}"
-        integrates = bool(fitted.integrates[i, j])
+        integrates = bool(integrating[i, j])
         gain_ratio, bandwidth_ratio = (1.0, 1.0) if integrates else (of_gain, of_bandwidth)
         share = NORMAL_99 * deviation[i, j] / max(value, SMALL * magnitude[:, i, j].max())
         if share + gain_ratio - 1.0 > CLOSE:

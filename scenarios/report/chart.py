@@ -215,7 +215,7 @@ def record_series(
 
 
 def _json_values(values: Any) -> tuple[Any, ...] | None:
-    """Values of an axis for the page, to four digits of what they differ by; None where there are none."""
+    """Values of an axis for the page, to four digits of their range; None where there are none."""
     if values is None:
         return None
     listed = np.asarray(values).ravel().tolist()

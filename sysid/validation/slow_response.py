@@ -13,6 +13,7 @@ import scipy
 from sysid.models.model_forms import AnyModel, as_model
 from sysid.models.predict import aligned, predict
 from sysid.polynomial.least_squares import solve
+from sysid.polynomial.regressors import lagged, output_lags
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -88,7 +89,7 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
 
 
 def _averaged(signals: FloatArray, width: int) -> FloatArray:
-    """Means of so many samples each (N // width, n)."""
+    """Signals (N, n) averaged over blocks of `width` samples (N // width, n)."""
     count = len(signals) // width
     return signals[: count * width].reshape(count, width, -1).mean(axis=1)
 
@@ -98,7 +99,7 @@ def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple
     longest = max(map(len, errors))
     count = sum(len(error) - LAGS for error in errors)
     common = scipy.linalg.block_diag(*(_line(len(error) - LAGS) for error in errors))
-    past = np.concatenate([_past(error) for error in errors])
+    past = np.concatenate([lagged(error, output_lags(LAGS), LAGS) for error in errors])
     target = np.concatenate([error[LAGS:] for error in errors])[:, None]
     free = count - past.shape[1] - common.shape[1] - 2
     if free < 2 * LAGS:
@@ -141,12 +142,6 @@ def _gain(
 def _line(samples: int) -> FloatArray:
     """A constant and a straight line (N, 2)."""
     return np.column_stack((np.ones(samples), np.linspace(-1.0, 1.0, samples)))
-
-
-def _past(error: FloatArray) -> FloatArray:
-    """Past errors behind each sample from `LAGS` on (N - LAGS, LAGS)."""
-    windows = np.lib.stride_tricks.sliding_window_view(error, LAGS)[:-1]
-    return windows[:, ::-1]
 
 
 def _slow(u: FloatArray, constant: float) -> FloatArray:
