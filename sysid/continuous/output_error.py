@@ -9,10 +9,11 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
+from sysid.continuous.known_parameters import Known, known_parameters
 from sysid.continuous.output_error_criterion import TIGHT, OutputError
 from sysid.continuous.output_error_search import OutputFit, lowest_minimum
 from sysid.continuous.stability_limit import MARGIN, distance_to_axis
-from sysid.continuous.structures import PathStructure, RealisePaths
+from sysid.continuous.structures import PathStructure, RealisePaths, names_of_paths
 from sysid.continuous.unstable_plant import unstable_plant_messages
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
@@ -46,6 +47,7 @@ def output_error_estimate(
     initial_conditions: InitialConditions | str,
     offset: bool,
     start: ArrayLike | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> ContinuousEstimate:
     """Check the data, fit output by output, and return the estimate.
 
@@ -65,13 +67,15 @@ def output_error_estimate(
         max_delay = experiments[0].dt * min(LONGEST_DELAY, _shortest(experiments) // 10)
     max_delay = _checked_delay("max_delay", max_delay, experiments)
     rows = structures_of(experiments[0].ny, experiments[0].nu)
-    _check_structures([structure for row in rows for structure in row], experiments, free, offset)
+    known = known_parameters(fixed, names_of_paths(rows), rows)
+    for row, known_of_output in zip(rows, known, strict=True):
+        _check_structures(row, known_of_output, experiments, free, offset)
     messages = _excitation_messages(experiments, rows, free=free, offset=offset)
     starts = _starts_of_outputs(start, rows)
     fits = []
     for i, row in enumerate(rows):
         single = [e.select(outputs=[i]) for e in experiments]
-        criterion = OutputError(single, row, max_delay, free, offset)
+        criterion = OutputError(single, row, max_delay, free, offset, known=known[i])
         _check_enough(criterion)
         fits.append(lowest_minimum(criterion, max_iterations, starts[i]))
     theta = np.concatenate([fit.minimum.at.theta for fit in fits])
@@ -171,7 +175,7 @@ def hides_delay(structure: PathStructure) -> bool:
 
 
 def _check_structures(
-    structures: Sequence[PathStructure], experiments: Sequence[IOData], free: bool, offset: bool
+    structures: Sequence[PathStructure], known: Known, experiments: Sequence[IOData], free: bool, offset: bool
 ) -> None:
     """Refuse offsets and delays that the data cannot show."""
     if offset and free and any(structure.integrators for structure in structures):
@@ -179,9 +183,14 @@ def _check_structures(
             "offset: the free initial state of an integrator is a constant already; offset=True goes with "
             "initial_conditions='zero'"
         )
-    known_delays = [structure.delay for structure in structures if structure.delay is not None]
-    _checked_delay("delay", max((0.0, *known_delays)), experiments)
-    if any(map(hides_delay, structures)) and experiments[0].intersample == "zoh":
+    last, hidden = -1, False
+    for structure in structures:
+        last += len(structure.names)
+        delay = known.get(last) if structure.delay is None else structure.delay
+        if delay is not None:
+            _checked_delay("delay", delay, experiments)
+        hidden |= hides_delay(structure) and delay is None
+    if hidden and experiments[0].intersample == "zoh":
         raise SysidError(
             "a held input shows the delay of a transfer function with as many zeros as poles only to whole "
             "samples: try fewer zeros, or a known delay"
@@ -268,7 +277,11 @@ def _diagnostics(
 ) -> dict[str, Any]:
     """What the estimate reports of the searches."""
     minima = [fit.minimum for fit in fits]
+    effective = {}
+    if any(fit.criterion.known for fit in fits):
+        effective["effective_parameters"] = float(sum(len(fit.criterion.free_parameters) for fit in fits))
     return {
+        **effective,
         "condition": condition,
         "iterations": sum(minimum.iterations for minimum in minima),
         "converged": all(minimum.converged for minimum in minima),
@@ -293,7 +306,7 @@ def _check_enough(criterion: OutputError) -> None:
     states = int(criterion.offset)
     if criterion.free:
         states += sum(structure.poles for structure in criterion.structures)
-    usable, count = criterion.usable(), criterion.sizes[-1]
+    usable, count = criterion.usable(), len(criterion.free_parameters)
     if sum(usable) <= count + states * len(usable) or min(usable) <= states:
         raise SysidError(
             f"too many orders for the data: {count} parameters and {states} initial states and offsets per experiment "
@@ -348,19 +361,24 @@ def _covariance_of_output(fit: OutputFit, coloured: bool) -> OutputCovariance:
     theta, delays = at.theta.copy(), criterion.delays()
     # a delay fixed at 0 has the interval of a free one, by the derivative from the right
     theta[delays] = np.maximum(theta[delays], 2.0 * TIGHT * criterion.experiments[0].dt)
-    tables = [_all_samples(criterion, experiment, theta) for experiment in criterion.experiments]
+    estimated = criterion.free_parameters
+    tables = []
+    for experiment in criterion.experiments:
+        tables.append(_all_samples(criterion, experiment, theta)[:, [*estimated, -1]])
     columns = np.nan_to_num(np.vstack(tables))
-    triangle, lengths = scaled_triangle(columns, guarded=len(theta))
+    triangle, lengths = scaled_triangle(columns, guarded=len(estimated))
     half, condition = directions(replace(at, triangle=triangle[:-1, :-1], scale=lengths[:-1]))
-    variance = at.cost / (at.errors - len(at.theta) - at.transients)
+    variance = at.cost / (at.errors - len(estimated) - at.transients)
     # errors of any colour in a criterion for white ones [White1982]: (J' J)^-1 = half half', between which theirs goes
     middle = np.eye(half.shape[1])
     if coloured and at.cost > 0.0:
         # at most a coefficient of the colour for twenty errors
         counted = [table[criterion.first(e) :] for e, table in zip(criterion.experiments, tables, strict=True)]
         middle = coloured_information(counted, min(COLOUR, at.errors // 20), half)
-    covariance = variance * half @ middle @ half.T
-    influence = columns[:, :-1] @ half @ half.T
+    # parameters that are known have no variance
+    every = np.eye(len(theta))[:, estimated]
+    covariance = every @ (variance * half @ middle @ half.T) @ every.T
+    influence = columns[:, :-1] @ half @ half.T @ every.T
     return OutputCovariance(variance, covariance, influence, columns[:, -1], condition)
 
 

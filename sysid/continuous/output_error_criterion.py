@@ -3,12 +3,13 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from sysid.continuous.initial_estimates import CONSTANT, free_responses
+from sysid.continuous.known_parameters import Known
 from sysid.continuous.path_response import PathResponse, TransferFunction, respond, respond_held, transient_slopes
 from sysid.continuous.stability_limit import MARGIN, moved_inside, outward
 from sysid.continuous.structures import PathStructure, RationalPath
@@ -34,6 +35,7 @@ class OutputError:
         free: Whether initial states are free.
         offset: Whether each experiment has a free constant in its output.
         held: Whether the inputs had their first values before the record: then no sample is lost to a delay.
+        known: Parameters that are not estimated, their values by index.
     """
 
     experiments: Sequence[IOData]
@@ -42,6 +44,7 @@ class OutputError:
     free: bool
     offset: bool = False
     held: bool = False
+    known: Known = field(default_factory=dict)
 
     @cached_property
     def sizes(self) -> list[int]:
@@ -63,8 +66,10 @@ class OutputError:
         if not self.free or self.held:
             return experiment.window
         longest = 0.0
-        for structure in self.structures:
-            delay = self.longest if structure.delay is None else structure.delay
+        for structure, end in zip(self.structures, self.sizes, strict=True):
+            delay = structure.delay
+            if delay is None:
+                delay = self.known.get(end - 1, self.longest)
             longest = max(longest, delay)
         # a delay of whole samples may exceed them by rounding
         return max(experiment.window, math.ceil(longest / experiment.dt - TIGHT))
@@ -72,7 +77,13 @@ class OutputError:
     def delays(self) -> list[int]:
         """Indices of the parameters that are delays: the last one of a path whose delay is estimated."""
         ends = zip(self.structures, self.sizes, strict=True)
-        return [end - 1 for structure, end in ends if structure.delay is None]
+        last = [end - 1 for structure, end in ends if structure.delay is None]
+        return [k for k in last if k not in self.known]
+
+    @property
+    def free_parameters(self) -> list[int]:
+        """Indices of the parameters that are estimated."""
+        return [k for k in range(self.sizes[-1]) if k not in self.known]
 
     def usable(self) -> list[int]:
         """Number of errors that count, of each experiment."""
@@ -91,7 +102,7 @@ class OutputError:
         """
         theta = self._allowed(theta)
         if origin is not None and np.isfinite(theta).all() and not self._stable(theta):
-            theta = self._moved_inside(theta, origin)
+            theta = self._with_known(self._moved_inside(theta, origin))
         if not (np.isfinite(theta).all() and self._stable(theta)):
             return None
         tables = [self.columns(e, theta) for e in self.experiments]
@@ -113,12 +124,22 @@ class OutputError:
 
     def _allowed(self, theta: FloatArray) -> FloatArray:
         """Parameters of the same model in their usual sequence and signs, delays moved to the nearest limit."""
-        paths = zip(self.structures, self.split(theta), strict=True)
-        allowed = np.concatenate([structure.arranged(values) for structure, values in paths])
+        allowed = self._with_known(theta)
+        if not self.known:
+            # with known values a parameter keeps its place: Tp2 may be known, and longer than Tp1
+            paths = zip(self.structures, self.split(theta), strict=True)
+            allowed = np.concatenate([structure.arranged(values) for structure, values in paths])
         limited = self.delays()
         delays = np.where(allowed[limited] <= self._slack, 0.0, allowed[limited])
         allowed[limited] = np.clip(delays, 0.0, self.longest)
         return allowed
+
+    def _with_known(self, theta: FloatArray) -> FloatArray:
+        """A copy of the parameters with those that are known."""
+        complete = theta.copy()
+        for k, value in self.known.items():
+            complete[k] = value
+        return complete
 
     @property
     def _slack(self) -> float:
@@ -156,6 +177,7 @@ class OutputError:
         columns = np.column_stack((*blocks, errors))[known]
         # variable projection [GolubPereyra2003]: what free responses explain counts for nothing
         columns[: len(basis)] -= basis @ (basis.T @ columns[: len(basis)])
+        columns[:, list(self.known)] = 0.0
         # the constant is the last of the free responses
         offset = float(states[-1]) if self.offset else 0.0
         return columns, basis.shape[1], offset
@@ -208,6 +230,7 @@ class OutputError:
                 slopes = structure.jacobian(values)[first : first + structure.poles]
                 table = np.zeros((len(distances), len(theta)))
                 table[:, begin : begin + len(values)] = by_denominator @ slopes
+                table[:, list(self.known)] = 0.0
                 rows.append(table)
                 reach.append(distances)
             begin += len(values)

@@ -51,7 +51,12 @@ def lowest_minimum(criterion: OutputError, max_iterations: int, start: FloatArra
     """
     if start is not None:
         return _minimum_from(criterion, start, max_iterations)
-    fit = _with_smaller_models(criterion, max_iterations)
+    further = []
+    if criterion.known:
+        # initial estimates are those of all parameters: the best of them stands near what is known
+        unrestricted = replace(criterion, known={})
+        further.append(_with_smaller_models(unrestricted, max_iterations).minimum.at.theta)
+    fit = _with_smaller_models(criterion, max_iterations, further)
     if not (criterion.delays() and criterion.free):
         return fit
     if moves_early(criterion):
@@ -93,13 +98,14 @@ def _minimum_from(criterion: OutputError, start: FloatArray, max_iterations: int
 
 def moves_early(criterion: OutputError) -> bool:
     """Whether most of the movement of some input lies within the samples that do not count."""
-    for j, structure in enumerate(criterion.structures):
+    delayed = criterion.delays()
+    for j, end in enumerate(criterion.sizes):
         lost = total = 0.0
         for experiment in criterion.experiments:
             steps = np.diff(experiment.u[:, j]) ** 2
             lost += float(np.sum(steps[: criterion.first(experiment)]))
             total += float(np.sum(steps))
-        if structure.delay is None and lost >= EARLY * total:
+        if end - 1 in delayed and lost >= EARLY * total:
             return True
     return False
 
@@ -188,7 +194,8 @@ def _with_smaller_models(criterion: OutputError, max_iterations: int, further: S
 def _not_above_smaller(criterion: OutputError, best: Minimum, max_iterations: int) -> Minimum:
     """A minimum, or one that is reached from the answer of the next smaller model if that is lower."""
     smaller_structures = [structure.smaller() or structure for structure in criterion.structures]
-    if smaller_structures == list(criterion.structures):
+    # a smaller model need not hold the values that are known
+    if criterion.known or smaller_structures == list(criterion.structures):
         return best
     contained = replace(criterion, structures=smaller_structures)
     try:

@@ -1,6 +1,6 @@
 """Process models from records: gain, time constants, zero and delay."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
@@ -21,6 +21,7 @@ def procest(
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
     offset: bool = False,
     start: ArrayLike | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> ContinuousEstimate:
     """Fit Kp (1 + Tz s) exp(-Td s) / (s (1 + Tp1 s) (1 + Tp2 s) (1 + Tp3 s)) by maximum likelihood, as `tfest` does.
 
@@ -43,6 +44,8 @@ def procest(
             becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
         start: Parameters near the answer (p,), in the sequence of their names, as `parameters` of an estimate of this
             structure; the search begins there alone. None finds its own starts.
+        fixed: Parameters that are known, values by their names in the result, e.g. {"Kp": 2.0, "Td": 0.3}; with several
+            paths the name has its path, such as "Kp[2]". They have no variance and do not count in criteria.
 
     Returns:
         The estimate; parameters Kp, Tp1 ... or Tw, Zeta, Tp3, then Tz and Td, times in s. Real time constants fall
@@ -72,4 +75,5 @@ def procest(
         initial_conditions=initial_conditions,
         offset=offset,
         start=start,
+        fixed=fixed,
     )

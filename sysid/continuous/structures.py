@@ -186,7 +186,8 @@ class ProcessPath:
         """Texts on real poles that coincide, otherwise on time constants that are zero within their intervals."""
         messages = []
         for i in range(self._first_real, self.lags):
-            if theta[i + 1] > COINCIDING * theta[i]:
+            # with a known time constant the second may be the longer one
+            if COINCIDING < theta[i + 1] / theta[i] < 1.0 / COINCIDING:
                 pair = f"Tp{i} and Tp{i + 1}"
                 messages.append(
                     f"{pair} coincide, and their intervals are wrong: the poles may be complex, as U allows"
@@ -288,6 +289,18 @@ PathStructure = RationalPath | ProcessPath
 PerPath = int | Sequence[int] | Sequence[Sequence[int]]
 
 
+def names_of_paths(structures: Sequence[Sequence[PathStructure]]) -> tuple[str, ...]:
+    """Names of all parameters, one row of paths per output; with several paths each names its output and input."""
+    ny, nu = len(structures), len(structures[0])
+    names = []
+    for i, row in enumerate(structures):
+        for j, structure in enumerate(row):
+            channel = f"{i + 1},{j + 1}" if ny > 1 else f"{j + 1}"
+            suffix = f"[{channel}]" if ny * nu > 1 else ""
+            names += [name + suffix for name in structure.names]
+    return tuple(names)
+
+
 @dataclass(frozen=True, eq=False)
 class RealisePaths:
     """Pure function from parameters to the continuous-time model; a class, so that estimates can be pickled.
@@ -307,14 +320,7 @@ class RealisePaths:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all parameters; with several paths each names its output and input."""
-        ny, nu = len(self.structures), len(self.structures[0])
-        names = []
-        for i, row in enumerate(self.structures):
-            for j, structure in enumerate(row):
-                channel = f"{i + 1},{j + 1}" if ny > 1 else f"{j + 1}"
-                suffix = f"[{channel}]" if ny * nu > 1 else ""
-                names += [name + suffix for name in structure.names]
-        return tuple(names)
+        return names_of_paths(self.structures)
 
     def transfers(self, theta: FloatArray) -> list[TransferFunction]:
         """Transfer functions row by row for parameters (p,)."""

@@ -1,6 +1,6 @@
 """Continuous-time transfer functions from records."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from numpy.typing import ArrayLike
@@ -30,6 +30,7 @@ def tfest(
     initial_conditions: InitialConditions | str = InitialConditions.ESTIMATED,
     offset: bool = False,
     start: ArrayLike | None = None,
+    fixed: Mapping[str, float] | None = None,
 ) -> ContinuousEstimate:
     """Fit y = sum_j exp(-s Td_j) B_j(s)/A_j(s) u_j + e, e white at the samples, by maximum likelihood.
 
@@ -62,6 +63,8 @@ def tfest(
             becomes part of `operating_point`, and the covariance allows for it. For a step test about an unknown level.
         start: Parameters near the answer (p,), in the sequence of their names, as `parameters` of an estimate of this
             structure; the search begins there alone. None finds its own starts.
+        fixed: Parameters that are known, values by their names in the result, e.g. {"b0": 2.0, "a0": 4.0}; with several
+            paths the name has its path, such as "b0[2]". They have no variance and do not count in criteria.
 
     Returns:
         The estimate; parameters b1, b0, a1, a0 ... by power of s, and Td. `continuous` is the model, `damp` gives its
@@ -80,7 +83,9 @@ def tfest(
         return _structures(*tables)
 
     if isinstance(data, FrequencyResponse):
-        _refuse_options_of_records(max_delay, coloured, initial_conditions, offset or start is not None)
+        _refuse_options_of_records(
+            max_delay, coloured, initial_conditions, offset or start is not None or fixed is not None
+        )
         rows = structures(*data.response.shape[1:])
         return _fit_to_response(data, rows, max_iterations)
     # what the estimate reports: with tables of poles the default has no single number
@@ -98,6 +103,7 @@ def tfest(
         initial_conditions=initial_conditions,
         offset=offset,
         start=start,
+        fixed=fixed,
     )
 
 
@@ -128,8 +134,8 @@ def _refuse_options_of_records(
     at_default = (max_delay, coloured, offset) == (None, True, False)
     if not at_default or InitialConditions.of(initial_conditions) is not InitialConditions.ESTIMATED:
         raise SysidError(
-            "a frequency response has no options max_delay, coloured, initial_conditions and offset, which are of "
-            "records; see fit_response"
+            "a frequency response has no options max_delay, coloured, initial_conditions, offset, start and fixed, "
+            "which are of records; see fit_response"
         )
 
 

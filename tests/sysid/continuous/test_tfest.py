@@ -103,7 +103,9 @@ def test_refusals():
     refused("delay must be a time >= 0", tfest, data, 1, 0, delay=-1.0)
     refused("only to whole samples", tfest, data, 0, 0, delay=None)
     flat = FrequencyResponse.from_data([1.0, 2.0, 3.0], [1.0, 1.0, 1.0])
-    refused("no options max_delay, coloured, initial_conditions and offset", tfest, flat, 1, 0, offset=True)
+    refused(
+        "no options max_delay, coloured, initial_conditions, offset, start and fixed", tfest, flat, 1, 0, offset=True
+    )
     refused("held .zoh. or linear", tfest, replace(data, intersample="bl"), 1, 0)
 
 
