@@ -27,7 +27,10 @@ LAGS = 12
 """Past errors beside which the slow inputs must explain the present one: their colour."""
 
 LEVEL = 0.01
-"""p-value from which on the errors follow an input."""
+"""p-value from which on the errors follow an input, by any of the time constants."""
+
+LEVEL_OF_ONE = 0.05
+"""The same of a lag as long as the record, tested alone: beside a disturbance that walks it is the last to show."""
 
 LONGEST = 10_000
 """Samples of a record from which on neighbours are averaged: what is tested is slow."""
@@ -57,8 +60,9 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
 
     Simulation errors e are regressed on `LAGS` past errors, a constant and a straight line of each record, and the last
     two values of the input behind a lag of unit gain: an F test of these, at the time constants of `SHARES`, its
-    p-value times their number, by Bonferroni. Inputs up to the sample before explain the present error, so that
-    feedback alone is no slow response.
+    p-value times their number, by Bonferroni. Then a t test of one lag, as long as the longest record, whose response
+    is filtered by the colour of the errors. Inputs up to the sample before explain the present error, so that feedback
+    alone is no slow response.
 
     Args:
         model: The model, in any form that `predict` takes.
@@ -82,7 +86,7 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
     found = []
     for i, j in np.ndindex(first.ny, first.nu):
         of_path = _tested([error[:, i] for error in errors], [u[:, j] for u in inputs])
-        if of_path is not None and of_path[0] < LEVEL:
+        if of_path is not None:
             p, gain, constant = of_path
             found.append(SlowResponse(i, j, p, gain, constant * width * first.dt))
     return tuple(sorted(found, key=lambda one: one.p))
@@ -95,7 +99,7 @@ def _averaged(signals: FloatArray, width: int) -> FloatArray:
 
 
 def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple[float, float, float] | None:
-    """p-value over all time constants, largest gain of those that are as good, best one; None of too few samples."""
+    """p-value, gain at 0 Hz and time constant of a slow part; None where the errors do not show one."""
     longest = max(map(len, errors))
     count = sum(len(error) - LAGS for error in errors)
     common = scipy.linalg.block_diag(*(_line(len(error) - LAGS) for error in errors))
@@ -118,25 +122,37 @@ def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple
         return None
     best, constant = max(tried)
     p = min(len(SHARES) * float(scipy.stats.f.sf(0.5 * best, 2, free)), 1.0)
+    beside = np.column_stack((past, common))
+    if p >= LEVEL:
+        p, gain = _one_lag(inputs, longest, beside, target)
+        return (p, gain, float(longest)) if p < LEVEL_OF_ONE else None
     # of time constants that are as good the slowest has the largest gain
     as_good = [one for statistic, one in tried if statistic > best - AS_GOOD]
-    gains = [_gain(errors, inputs, common, past, target, one) for one in as_good]
+    gains = [_one_lag(inputs, one, beside, target)[1] for one in as_good]
     return p, max(gains, key=abs), constant
 
 
-def _gain(
-    errors: Sequence[FloatArray],
-    inputs: Sequence[FloatArray],
-    common: FloatArray,
-    past: FloatArray,
-    target: FloatArray,
-    constant: float,
-) -> float:
-    """Gain at 0 Hz from the input to the errors, of the whole regression."""
-    slow = np.concatenate([_slow(u, constant) for u in inputs])
-    parameters = solve(np.column_stack((past, common, slow)), target).solution[:, 0]
-    memory = 1.0 - float(parameters[:LAGS].sum())
-    return float(parameters[-2:].sum()) / memory if memory > 0.0 else float(np.inf)
+def _one_lag(
+    inputs: Sequence[FloatArray], constant: float, beside: FloatArray, target: FloatArray
+) -> tuple[float, float]:
+    """p-value and gain of one lag beside past errors, constants and lines (rows, LAGS + 2 of each record)."""
+    colour = np.concatenate(([1.0], -solve(beside, target).solution[:LAGS, 0]))
+    slow = []
+    for u in inputs:
+        # the innovation is the error filtered by its colour, and so is what the input adds to it
+        slow.append(scipy.signal.lfilter(colour, [1.0], _behind_lag(u, constant))[LAGS:])
+    column = np.concatenate(slow)[:, None]
+    column = column - beside @ solve(beside, column).solution
+    rest = target - beside @ solve(beside, target).solution
+    energy = float(np.sum(column**2))
+    if not energy > 0.0:
+        return 1.0, 0.0
+    gain = float(np.sum(column * rest)) / energy
+    free = len(target) - beside.shape[1] - 1
+    variance = float(np.sum((rest - gain * column) ** 2)) / free
+    if not variance > 0.0:
+        return 1.0, 0.0
+    return 2.0 * float(scipy.stats.t.sf(abs(gain) * np.sqrt(energy / variance), free)), gain
 
 
 def _line(samples: int) -> FloatArray:
@@ -146,6 +162,11 @@ def _line(samples: int) -> FloatArray:
 
 def _slow(u: FloatArray, constant: float) -> FloatArray:
     """Input behind a lag of unit gain, of one and of two samples before, from `LAGS` on (N - LAGS, 2)."""
-    pole = np.exp(-1.0 / constant)
-    response = scipy.signal.lfilter([0.0, 1.0 - pole], [1.0, -pole], u)
+    response = _behind_lag(u, constant)
     return np.column_stack((response[LAGS:], response[LAGS - 1 : -1]))
+
+
+def _behind_lag(u: FloatArray, constant: float) -> FloatArray:
+    """Input behind a lag of unit gain and a delay of one sample (N,)."""
+    pole = np.exp(-1.0 / constant)
+    return np.asarray(scipy.signal.lfilter([0.0, 1.0 - pole], [1.0, -pole], u))

@@ -39,10 +39,23 @@ def test_a_slow_part_is_found_with_its_gain_and_time_constant(colour):
     assert N / 8 * DT <= found.time_constant <= 2 * N * DT
 
 
+def test_beside_a_walk_a_lag_as_long_as_the_record_is_tested_alone():
+    found = []
+    for seed in range(20):
+        rng = np.random.default_rng([7, seed])
+        u, walk = binary(rng, 40), np.cumsum(rng.standard_normal(N))
+        y = lag(10.0, 1.0, u) + lag(N / 2, 1.0, u)
+        found += slow_response(fast_model(), (IOData(u, y + 0.3 * y.std() * walk / walk.std(), DT),))
+    # the test over all time constants alone shows it in about half
+    assert len(found) >= 14
+    assert sum(one.p >= LEVEL for one in found) >= 2
+    assert (np.array([one.gain for one in found]) > 0.3).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["white", "walk", "ramp", "feedback"])
 def test_disturbances_are_taken_for_a_slow_part_at_the_nominal_rate(kind):
-    alarms = 0
+    alarms, weak = 0, 0
     for seed in range(100):
         rng = np.random.default_rng(seed)
         e = rng.standard_normal(N)
@@ -62,9 +75,13 @@ def test_disturbances_are_taken_for_a_slow_part_at_the_nominal_rate(kind):
         else:
             u = reference
             y = lag(10.0, 1.0, u) + 0.1 * disturbance
-        alarms += bool(slow_response(fast_model(), (IOData(u, y, DT),)))
-    # 1 of 100 is expected: more than 5 have a probability of 0.05 %
-    assert alarms <= 5
+        for found in slow_response(fast_model(), (IOData(u, y, DT),)):
+            alarms += found.p < LEVEL
+            weak += found.p >= LEVEL
+    # up to 2 of 100 are expected, of two tests that agree for the most part: more than 7 have a probability of 0.1 %
+    assert alarms <= 7
+    # 4 of 100 are expected: more than 11 have a probability of 0.1 %
+    assert weak <= 11
 
 
 def test_inputs_parts_and_lengths():
