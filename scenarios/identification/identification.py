@@ -138,7 +138,7 @@ class Identification:
         nonlinearity: Test of nonlinear dependence on the input, on the records of the fit; None of unstable models.
         agreement: Whether the runs that the model is of have one response; None of one run.
         test_of_all: Residual test of a model that was estimated again, on all samples, where `test` fails.
-        slow: Slow parts of the response that the simulation errors show, on the records of the fit.
+        slow: What the simulation errors tell of slow parts of the response, path by path, on the records of the fit.
     """
 
     fitted: FittedModel

@@ -29,7 +29,7 @@ from sysid.records.excited_band import excited_band
 from sysid.records.printing import AT_ZERO, poles_table
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
-from sysid.validation.slow_response import LEVEL
+from sysid.validation.slow_response import LEVEL, SlowResponse
 
 LISTED = 24
 """Most parameters that are listed one by one."""
@@ -234,7 +234,8 @@ def verdict(result: Identification) -> str:
         words = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
     else:
         words = "sufficient: the residuals are white and independent of the input"
-    return f"{words}; simulated fit {fits}"
+    hidden = _hidden_slow_part(result) if words.startswith("sufficient") else ""
+    return f"{words}; simulated fit {fits}{hidden}"
 
 
 def _no_better_than_command(result: Identification) -> str:
@@ -253,19 +254,36 @@ def _no_better_than_command(result: Identification) -> str:
 
 def _slow_part(result: Identification) -> str:
     """A slow part of the response that the model lacks and that would change its gain, in words; empty if none."""
-    if not result.slow:
-        return ""
-    gains, integrates = result.fitted.gain, result.fitted.integrates
-    for path in result.slow:
-        gain = float(gains[path.output, path.input])
+    for path, gain in _with_gains(result):
         least = SLOW_PART if path.p < LEVEL else CLOSE
-        if not integrates[path.output, path.input] and abs(path.gain) > least * abs(gain):
+        if path.is_shown and abs(path.gain) > least * abs(gain):
             return (
                 f"the simulation errors follow the input slowly, as by a time constant of about "
                 f"{path.time_constant:.2g} s (p = {path.p:.1g}), which would change the gain at 0 Hz by "
                 f"up to {path.gain / gain:.0%}; a longer record would tell"
             )
     return ""
+
+
+def _hidden_slow_part(result: Identification) -> str:
+    """How large a slow part of the response may be that these errors hide, in words; empty below `CLOSE`."""
+    for path, gain in _with_gains(result):
+        if path.possible_gain > CLOSE * abs(gain):
+            share = 100.0 * path.possible_gain / abs(gain)
+            return (
+                f"; a slow part of the response (time constant {path.longest:.3g} s) of up to {share:.0f} % of the "
+                "gain at 0 Hz could be hidden in the disturbance, a longer record would tell"
+            )
+    return ""
+
+
+def _with_gains(result: Identification) -> list[tuple[SlowResponse, float]]:
+    """What was tested of slow parts of paths without an integrator, with the gains of the model."""
+    pairs = []
+    for path in result.slow:
+        if not result.fitted.integrates[path.output, path.input]:
+            pairs.append((path, float(result.fitted.gain[path.output, path.input])))
+    return pairs
 
 
 def _message(fitted: FittedModel, code: str) -> str:

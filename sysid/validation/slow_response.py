@@ -5,11 +5,12 @@ the lag alone beside a disturbance that walks. Coloured errors absorb the creep,
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
 
+from sysid.models.frequency_response import NORMAL_95
 from sysid.models.model_forms import AnyModel, as_model
 from sysid.models.predict import aligned, predict
 from sysid.polynomial.least_squares import solve
@@ -38,25 +39,32 @@ LONGEST = 10_000
 
 @dataclass(frozen=True)
 class SlowResponse:
-    """What the simulation errors of one path show.
+    """What the simulation errors of one path tell of a slow part.
 
     Attributes:
         output: Number of the output.
         input: Number of the input.
-        p: p-value of the hypothesis that they do not follow it, over all time constants.
+        p: p-value of the hypothesis that they do not follow it, of the test that tells more.
+        is_shown: Whether one of the tests rejects this hypothesis at its level.
         gain: Gain at 0 Hz of the slow part, in output units per input unit, the largest of those that are as likely.
         time_constant: Time constant at which it fits best, s.
+        possible_gain: Gain of a lag as long as the longest record, the largest of its 95 % interval, as a modulus: up
+            to this the errors hide one.
+        longest: Length of the longest record, s.
     """
 
     output: int
     input: int
     p: float
+    is_shown: bool
     gain: float
     time_constant: float
+    possible_gain: float
+    longest: float
 
 
 def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse, ...]:
-    """Parts of the response slower than the record resolves well, one for each path whose errors show one.
+    """Test each path for a part of the response that is slower than the record resolves well.
 
     Simulation errors e are regressed on `LAGS` past errors, a constant and a straight line of each record, and the last
     two values of the input behind a lag of unit gain: an F test of these, at the time constants of `SHARES`, its
@@ -69,7 +77,7 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
         data: Records of its fit, about its operating point.
 
     Returns:
-        The paths, the most significant first; empty for an unstable model and too short records.
+        Every path, the most significant first; empty for an unstable model and too short records.
     """
     first = data[0]
     model = aligned(as_model(model, first), first)
@@ -83,13 +91,12 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
     inputs = [_averaged(part.u - part.u.mean(axis=0), width) for part in parts]
     if not all(np.isfinite(error).all() for error in errors):
         return ()
-    found = []
+    tested = []
     for i, j in np.ndindex(first.ny, first.nu):
-        of_path = _tested([error[:, i] for error in errors], [u[:, j] for u in inputs])
+        of_path = _tested([error[:, i] for error in errors], [u[:, j] for u in inputs], width * first.dt)
         if of_path is not None:
-            p, gain, constant = of_path
-            found.append(SlowResponse(i, j, p, gain, constant * width * first.dt))
-    return tuple(sorted(found, key=lambda one: one.p))
+            tested.append(replace(of_path, output=i, input=j))
+    return tuple(sorted(tested, key=lambda one: one.p))
 
 
 def _averaged(signals: FloatArray, width: int) -> FloatArray:
@@ -98,8 +105,8 @@ def _averaged(signals: FloatArray, width: int) -> FloatArray:
     return signals[: count * width].reshape(count, width, -1).mean(axis=1)
 
 
-def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple[float, float, float] | None:
-    """p-value, gain at 0 Hz and time constant of a slow part; None where the errors do not show one."""
+def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray], dt: float) -> SlowResponse | None:
+    """What the errors (N,) of one output tell of a slow response to one input (N,); None of too few samples."""
     longest = max(map(len, errors))
     count = sum(len(error) - LAGS for error in errors)
     common = scipy.linalg.block_diag(*(_line(len(error) - LAGS) for error in errors))
@@ -123,19 +130,29 @@ def _tested(errors: Sequence[FloatArray], inputs: Sequence[FloatArray]) -> tuple
     best, constant = max(tried)
     p = min(len(SHARES) * float(scipy.stats.f.sf(0.5 * best, 2, free)), 1.0)
     beside = np.column_stack((past, common))
+    gain, deviation = _one_lag(inputs, longest, beside, target)
+    result = SlowResponse(
+        output=0,
+        input=0,
+        p=2.0 * float(scipy.stats.norm.sf(abs(gain) / deviation)) if deviation > 0.0 else 1.0,
+        is_shown=False,
+        gain=gain,
+        time_constant=longest * dt,
+        possible_gain=abs(gain) + NORMAL_95 * deviation,
+        longest=longest * dt,
+    )
     if p >= LEVEL:
-        p, gain = _one_lag(inputs, longest, beside, target)
-        return (p, gain, float(longest)) if p < LEVEL_OF_ONE else None
+        return replace(result, is_shown=result.p < LEVEL_OF_ONE)
     # of time constants that are as good the slowest has the largest gain
     as_good = [one for statistic, one in tried if statistic > best - AS_GOOD]
-    gains = [_one_lag(inputs, one, beside, target)[1] for one in as_good]
-    return p, max(gains, key=abs), constant
+    gains = [_one_lag(inputs, one, beside, target)[0] for one in as_good]
+    return replace(result, p=p, is_shown=True, gain=max(gains, key=abs), time_constant=constant * dt)
 
 
 def _one_lag(
     inputs: Sequence[FloatArray], constant: float, beside: FloatArray, target: FloatArray
 ) -> tuple[float, float]:
-    """p-value and gain of one lag beside past errors, constants and lines (rows, LAGS + 2 of each record)."""
+    """Gain of one lag and its standard deviation, beside past errors, constants and lines (rows, LAGS + 2 a record)."""
     colour = np.concatenate(([1.0], -solve(beside, target).solution[:LAGS, 0]))
     slow = []
     for u in inputs:
@@ -146,13 +163,11 @@ def _one_lag(
     rest = target - beside @ solve(beside, target).solution
     energy = float(np.sum(column**2))
     if not energy > 0.0:
-        return 1.0, 0.0
+        return 0.0, 0.0
     gain = float(np.sum(column * rest)) / energy
     free = len(target) - beside.shape[1] - 1
     variance = float(np.sum((rest - gain * column) ** 2)) / free
-    if not variance > 0.0:
-        return 1.0, 0.0
-    return 2.0 * float(scipy.stats.t.sf(abs(gain) * np.sqrt(energy / variance), free)), gain
+    return gain, float(np.sqrt(variance / energy))
 
 
 def _line(samples: int) -> FloatArray:

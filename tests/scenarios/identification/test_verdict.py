@@ -130,6 +130,22 @@ def test_a_slow_part_of_the_response_leaves_the_gain_open(method):
     assert verdict(identified(creeping(np.random.default_rng([1, 7])), method)).startswith(("undecided", "not suff"))
 
 
+def test_a_sufficient_verdict_says_how_large_a_slow_part_the_disturbance_may_hide():
+    """Beside a random walk; a servo in little noise hides none."""
+    _, (quiet,) = KINDS["linear joint"](np.random.default_rng([41, 0]))
+    assert verdict(identified(quiet)).startswith("sufficient")
+    assert verdict(identified(quiet)).endswith(" %")
+    _, (record,) = KINDS["random walk"](np.random.default_rng([41, 1]))
+    result = identified(record)
+    (path,) = result.slow
+    assert not path.is_shown
+    share = path.possible_gain / result.fitted.gain[0, 0]
+    assert share > 0.2
+    assert verdict(result).startswith("sufficient")
+    hidden = f"a slow part of the response (time constant 12 s) of up to {100 * share:.0f} % of the gain at 0 Hz"
+    assert verdict(result).partition("; simulated fit ")[2].partition("; ")[2].startswith(hidden)
+
+
 def test_a_single_sine_is_not_sufficient():
     """Two parameters are all that it tells."""
     rng = np.random.default_rng(40)
