@@ -82,10 +82,20 @@ class FittedModel:
 
     @property
     def is_slower_than_records(self) -> bool:
-        """Whether a mode lasts so much longer than the records that its gain at 0 Hz means nothing."""
+        """Whether a mode lasts so much longer than the records that its gain at 0 Hz means nothing.
+
+        A pole at 1 - d acts on the lowest frequency of the records, w, as one at 1 does but for d/w. Estimates of two
+        poles at one are a pair far from it, 1 - d1 and 1 - d2: the factor is 1 + (d1 + d2)/jw - d1 d2/w^2.
+        """
         longest = max(map(len, self.parts))
-        distances = np.abs(sampled_poles(self.estimate) - 1.0)
-        return bool((distances < 1.0 / (LASTING * longest)).any())
+        lasting = 1.0 / (LASTING * longest)
+        distances = 1.0 - sampled_poles(self.estimate)
+        slowest = distances[np.argsort(np.abs(distances))[:2]]
+        if (np.abs(slowest) < lasting).any():
+            return True
+        lowest = 2.0 * np.pi / longest
+        is_pair = len(slowest) == 2
+        return bool(is_pair and abs(slowest.sum()) < 2.0 * lasting and abs(slowest.prod()) < lowest * lasting)
 
     @property
     def integrates(self) -> NDArray[np.bool_]:

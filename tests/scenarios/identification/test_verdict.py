@@ -105,6 +105,20 @@ def test_an_integrator_has_neither_gain_nor_operating_point(method):
     assert float(rows["fit in simulation"].split(" %")[0]) > 99.0
 
 
+def test_a_double_integrator_has_no_gain_either():
+    """Torque to angle: the estimates of its two poles are a pair far from one, in the record's terms."""
+    rng = np.random.default_rng(1)
+    u = np.repeat(rng.choice([-1.0, 1.0], 100), 15)
+    y = lfilter([0.0, 5e-5, 5e-5], [1.0, -2.0, 1.0], u)
+    result = identified(IOData(u, y + 0.02 * y.std() * rng.standard_normal(1500), 0.01))
+    poles = result.fitted.estimate.poles()
+    assert np.abs(poles - 1.0)[np.abs(poles) > 0.5].min() > 1.0 / 15000
+    assert verdict(result).startswith("sufficient")
+    assert dict(model_rows(result))["gain at 0 Hz"] == "none, it integrates"
+    response = result.fitted.estimate.frequency_response(np.array([0.5, 2.0])).response.ravel()
+    np.testing.assert_allclose(np.abs(response), 1.0 / (2.0 * np.pi * np.array([0.5, 2.0])) ** 2, rtol=0.05)
+
+
 def test_the_fit_of_the_command_stands_beside_that_of_the_model():
     _, record = joint(np.random.default_rng([101, 1]), "linear")
     result = identified(record)
