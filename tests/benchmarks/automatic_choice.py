@@ -6,7 +6,8 @@ Each kind is a situation that misleads a choice of orders. The plant is drawn an
 if gain and bandwidth of its model are within 20 % of the plant's; of an integrator the position of its pole and the
 slope count, of an unstable plant its unstable pole. Of a joint with friction or play no linear model is right, of one
 with saturation that of its servo; none is right whose bandwidth lies far above what the input excites. Counted are
-answers that a verdict calls sufficient and that are right, those that are wrong, and those that the verdict withholds.
+answers that a verdict calls sufficient and that are right, those that are wrong, and those that the verdict withholds;
+and of those that are right, the share whose 95 % interval of the bandwidth holds the plant's.
 """
 
 import argparse
@@ -260,8 +261,21 @@ KINDS: dict[str, Kind] = {
 }
 
 
-def answers(kind: Kind, records: int, seed: int, method: str | None) -> Iterator[tuple[str, float, bool]]:
-    """Outcome of each record of a kind, seconds of processor time, and whether its verdict is sufficient."""
+@dataclass(frozen=True)
+class Answer:
+    """One record's answer."""
+
+    outcome: str
+    """"right", "wrong" or "withheld"."""
+    is_right: bool
+    seconds: float
+    """Of processor time."""
+    holds: bool | None
+    """Whether the interval of the bandwidth holds the plant's; None where none is printed."""
+
+
+def answers(kind: Kind, records: int, seed: int, method: str | None) -> Iterator[Answer]:
+    """Answers for records of a kind."""
     for k in range(records):
         plant, record = kind(np.random.default_rng([seed, k]))
         started = process_time()
@@ -269,7 +283,9 @@ def answers(kind: Kind, records: int, seed: int, method: str | None) -> Iterator
         sufficient = verdict(result).startswith("sufficient")
         is_right = plant.finds(result.fitted.estimate)
         outcome = ("right" if is_right else "wrong") if sufficient else "withheld"
-        yield outcome, process_time() - started, is_right
+        claim = result.fitted.claims[0][0]
+        holds = bool(claim.low <= plant.bandwidth <= claim.high) if np.isfinite(claim.low) else None
+        yield Answer(outcome, is_right, process_time() - started, holds)
 
 
 def answered(records: tuple[IOData, ...], method: str | None) -> Identification:
@@ -292,14 +308,17 @@ def main() -> None:
     parser.add_argument("--method", default=None)
     parser.add_argument("--kinds", nargs="*", default=list(KINDS))
     given = parser.parse_args()
-    print(f"{'kind':14s} {'right':>6s} {'wrong':>6s} {'withheld':>9s} {'right but withheld':>19s} {'s each':>7s}")
+    words = ("right", "wrong", "withheld")
+    heads = (("right", 6), ("wrong", 6), ("withheld", 9), ("right but withheld", 19), ("holds", 9), ("s each", 7))
+    print(f"{'kind':14s}", *(f"{head:>{width}s}" for head, width in heads))
     for name in given.kinds:
-        outcomes = list(answers(KINDS[name], given.records, given.seed, given.method))
-        counts = {word: sum(outcome == word for outcome, _, _ in outcomes) for word in ("right", "wrong", "withheld")}
-        needless = sum(outcome == "withheld" and is_right for outcome, _, is_right in outcomes)
-        seconds = np.mean([spent for _, spent, _ in outcomes])
-        sure = " ".join(f"{counts[word]:>{width}d}" for word, width in (("right", 6), ("wrong", 6), ("withheld", 9)))
-        print(f"{name:14s} {sure} {needless:19d} {seconds:7.2f}", flush=True)
+        found = list(answers(KINDS[name], given.records, given.seed, given.method))
+        right, wrong, withheld = (sum(one.outcome == word for one in found) for word in words)
+        needless = sum(one.outcome == "withheld" and one.is_right for one in found)
+        intervals = [one.holds for one in found if one.outcome == "right" and one.holds is not None]
+        share = f"{sum(intervals)} of {len(intervals)}"
+        seconds = np.mean([one.seconds for one in found])
+        print(f"{name:14s} {right:6d} {wrong:6d} {withheld:9d} {needless:19d} {share:>9s} {seconds:7.2f}", flush=True)
 
 
 if __name__ == "__main__":
