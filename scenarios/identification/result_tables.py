@@ -113,7 +113,7 @@ def _candidate_table(choice: StructureChoice) -> ResultTable:
         cells = (f"{candidate.parameters}", f"{candidate.loss:.4g}", f"{above_best:.1f}", candidate.remark)
         rows.append((str(candidate), *cells))
     title = f"Candidates, the best {len(rows)} of {len(choice.candidates)}"
-    return ResultTable(title, ("", "parameters", "loss", "EBIC above the best", ""), tuple(rows))
+    return ResultTable(title, ("", "parameters", "loss", "EBIC relative to the best", ""), tuple(rows))
 
 
 def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
@@ -231,7 +231,7 @@ def verdict(result: Identification) -> str:
     elif no_better := _no_better_than_command(result):
         words = f"undecided: {no_better}"
     elif not result.test.white.all():
-        words = "sufficient from input to output: only the disturbance has dynamics that the model lacks"
+        words = "sufficient from input to output: the residuals do not depend on the input, but are not white"
     else:
         words = "sufficient: the residuals are white and independent of the input"
     hidden = _hidden_slow_part(result) if words.startswith("sufficient") else ""
@@ -418,7 +418,7 @@ def _baseline_rows(baseline: CommandBaseline | None) -> list[tuple[str, str]]:
     texts = []
     for fit, delay in zip(baseline.fit.tolist(), baseline.delays, strict=True):
         texts.append(f"{fit:.2f} % ({delay} samples late)")
-    return [("fit of the command itself", ", ".join(texts))]
+    return [("fit of the delayed command", ", ".join(texts))]
 
 
 def _fit_rows(result: Identification, outputs: Sequence[str]) -> list[tuple[str, str]]:

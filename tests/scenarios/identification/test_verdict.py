@@ -75,7 +75,7 @@ def test_a_model_no_better_than_the_command_is_not_called_sufficient():
     result = identified(record)
     assert result.baseline.delays == (2,)
     assert not verdict(result).startswith("sufficient")
-    assert dict(model_rows(result))["fit of the command itself"].endswith("% (2 samples late)")
+    assert dict(model_rows(result))["fit of the delayed command"].endswith("% (2 samples late)")
 
 
 def test_a_model_without_bandwidth_is_not_sufficient_where_its_input_excites_slow_motions_alone():
