@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from sysid.frequency.delayest import AMBIGUOUS, DelayEstimate, IntArray, delayest
+from sysid.frequency.far_delay import far_delay
 from sysid.models.estimate import Estimate
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
@@ -294,17 +295,24 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
         loop: What the tests of feedback say.
         any_method: Whether the methods are free.
     """
-    estimate = _estimated_delays(_without_trend(search.experiments, search.trends[0]), search.largest)
+    levelled = _without_trend(search.experiments, search.trends[0])
+    estimate = _estimated_delays(levelled, search.largest)
     delays = _delays(estimate, experiments[0].nu)
+    shortest = _shortest(estimate, delays)
+    far = _estimated_far_delay(levelled, search.largest)
+    if far is not None:
+        # what the delays up to the limit explain stays a candidate: many lags resemble a long delay
+        estimate, shortest = far, delays
+        delays = _delays(far, experiments[0].nu)
     if loop.is_closed or loop.is_at_once:
         delays = tuple(max(delay, 1) for delay in delays)
         if any_method:
             search.methods = tuple(name for name in search.methods if name != "oe")
-    shortest = _shortest(estimate, delays)
+        shortest = tuple(max(delay, 1) for delay in shortest)
     paths_alone = set(search.methods) == {"oe"} and not search.validation
     if paths_alone:
         search.methods = ("oe", "bj")
-    search.climb_structures(delays, shortest)
+    search.climb_structures(delays, shortest, is_far=far is not None)
     if sum(map(len, search.experiments)) < sum(map(len, experiments)):
         whole = StructureSearch(
             experiments, search.validation, search.largest, search.methods, search.trends, refines=search.refines
@@ -579,6 +587,30 @@ def _estimated_delays(experiments: Experiments, largest: int) -> DelayEstimate |
         return delayest(complete_parts(experiments), largest=2 * largest)
     except SysidError:
         return None
+
+
+def _estimated_far_delay(experiments: Experiments, largest: int) -> DelayEstimate | None:
+    """Delay of one input beyond those that are tested first; None where nothing shows one."""
+    parts = complete_parts(experiments)
+    if experiments[0].nu * experiments[0].ny != 1 or not parts:
+        return None
+    tested = 2 * largest
+    hint = far_delay(parts, tested)
+    if hint is None:
+        return None
+    # around it: the records begin later by the delays that are left out
+    skipped = hint - largest
+    later = []
+    for part in parts:
+        if len(part) > 2 * skipped:
+            later.append(replace(part[skipped:], u=part.u[: len(part) - skipped], window=0))
+    try:
+        estimate = delayest(later, largest=tested)
+    except SysidError:
+        return None
+    if estimate.arx[0, 0] < 0:
+        return None
+    return replace(estimate, arx=estimate.arx + skipped, interval=estimate.interval + skipped)
 
 
 def _delays(estimate: DelayEstimate | None, inputs: int) -> tuple[int, ...]:

@@ -251,19 +251,24 @@ class StructureSearch:
         for experiment, skipped in zip(experiments, self._skipped, strict=True):
             self.samples += int(np.count_nonzero(experiment.known[skipped:].all(axis=1)))
 
-    def climb_structures(self, delays: tuple[int, ...], shortest: tuple[int, ...]) -> None:
+    def climb_structures(self, delays: tuple[int, ...], shortest: tuple[int, ...], *, is_far: bool = False) -> None:
         """Try rising orders of every structure from two sets of delays, then change single orders of the best ones.
 
-        A slow beginning of the response looks like a delay: those that fit well climb from the shortest one too.
+        A slow beginning of the response looks like a delay: those that fit well climb from the shortest one too. Behind
+        a delay that is far, a record from rest keeps a constant in its output: with that they climb there first.
         """
-        for nk in dict.fromkeys((delays, shortest)):
+        first = self.trends[0]
+        rungs = [(nk, first) for nk in dict.fromkeys((delays, shortest))]
+        if is_far and first != OFFSET and OFFSET in self.trends:
+            rungs.insert(0, (delays, OFFSET))
+        for nk, trend in rungs:
             limit = min(map(self.criterion, self.candidates), default=np.inf) + FAR
             best_by_method = {name: min(self._criteria([name]), default=limit) for name in ORDERS}
             for name, best in best_by_method.items():
                 # a delay that is far too long leaves no method near a true model of low order: that one is tried anyway
                 largest = self.largest if best <= limit else LOW
                 if name in self.methods and (best <= limit or name == PLAINEST):
-                    ladder = [rising_orders(name, n, nk, self.trends[0]) for n in range(1, largest + 1)]
+                    ladder = [rising_orders(name, n, nk, trend) for n in range(1, largest + 1)]
                     self._climb(ladder, self.try_orders)
         for family in FAMILIES:
             # a direct term only where the data show one: a held input has none
