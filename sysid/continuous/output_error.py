@@ -15,6 +15,7 @@ from sysid.continuous.output_error_search import OutputFit, lowest_minimum
 from sysid.continuous.stability_limit import MARGIN, distance_to_axis
 from sysid.continuous.structures import PathStructure, RealisePaths, names_of_paths
 from sysid.continuous.unstable_plant import unstable_plant_messages
+from sysid.frequency.far_delay import far_delay
 from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.data_summary import DataSummary
@@ -32,7 +33,7 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
 
 AT_THE_LIMIT = 4.0  # times the least distance of poles from the imaginary axis, within which they are at the limit
-LONGEST_DELAY = 30  # samples, the default limit on delays that are estimated
+LONGEST_DELAY = 30  # samples, the default limit on delays that are estimated, where nothing shows a longer one
 
 
 def output_error_estimate(
@@ -63,10 +64,11 @@ def output_error_estimate(
         raise SysidError(f"{method} has no noise model to backcast: initial_conditions must be 'estimated' or 'zero'")
     free = initial_conditions is InitialConditions.ESTIMATED
     intersample = _common_intersample(experiments)
-    if max_delay is None:
-        max_delay = experiments[0].dt * min(LONGEST_DELAY, _shortest(experiments) // 10)
-    max_delay = _checked_delay("max_delay", max_delay, experiments)
     rows = structures_of(experiments[0].ny, experiments[0].nu)
+    if max_delay is None:
+        estimated = any(structure.delay is None for row in rows for structure in row)
+        max_delay = longest_delay(experiments) if estimated else 0.0
+    max_delay = _checked_delay("max_delay", max_delay, experiments)
     known = known_parameters(fixed, names_of_paths(rows), rows)
     for row, known_of_output in zip(rows, known, strict=True):
         _check_structures(row, known_of_output, experiments, free, offset)
@@ -147,6 +149,18 @@ def _outliers(fit: OutputFit) -> list[str]:
     for experiment, of_record in zip(criterion.experiments, errors, strict=True):
         of_record[: criterion.first(experiment)] = np.nan
     return outlier_messages(errors, criterion.experiments)
+
+
+def longest_delay(experiments: Sequence[IOData]) -> float:
+    """Largest delay that is tried by default, s: longer where one input shows a delay beyond it."""
+    shortest = _shortest(experiments)
+    limit = min(LONGEST_DELAY, shortest // 10)
+    if experiments[0].nu * experiments[0].ny == 1:
+        parts = list(itertools.chain.from_iterable(e.complete_parts() for e in experiments))
+        far = far_delay(parts, limit) if parts else None
+        if far is not None:
+            limit = min(far + LONGEST_DELAY, shortest // 2)
+    return experiments[0].dt * limit
 
 
 def _common_intersample(experiments: Sequence[IOData]) -> str:

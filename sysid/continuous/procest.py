@@ -32,7 +32,8 @@ def procest(
         data: One experiment, or several that share the model; missing outputs are left out.
         kind: "P", the number of time constants 0 to 3, and any of D (delay), Z (zero), I (integrator) and U (a pair of
             poles that may be complex): one for all paths, one per input, or with several outputs a row per output.
-        max_delay: Limit on estimated delays in s; by default 30 samples, at most a tenth of the shortest record.
+        max_delay: Limit on estimated delays in s; by default 30 samples, at most a tenth of the shortest record, and
+            more where a single input shows a longer one.
         max_iterations: Limit on the steps of each search.
         coloured: Whether the covariance allows for a disturbance that is not white; see `tfest`.
         initial_conditions: "estimated", a free initial state of each experiment, or "zero", rest with zero input before

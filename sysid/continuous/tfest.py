@@ -50,7 +50,8 @@ def tfest(
             output of one per input.
         zeros: Degree of the numerators, likewise; one less than `poles` by default.
         delay: Delay in s, likewise; None is estimated.
-        max_delay: Limit on estimated delays in s; by default 30 samples, at most a tenth of the shortest record.
+        max_delay: Limit on estimated delays in s; by default 30 samples, at most a tenth of the shortest record, and
+            more where a single input shows a longer one.
         max_iterations: Limit on the steps of each search.
         coloured: Whether the covariance allows for a disturbance that is not white (but independent of the input), by
             an autoregressive model of it whose order BIC selects [Ljung1999, ch. 9]. The estimate itself is the same.

@@ -101,7 +101,7 @@ def _prepared(experiments: Sequence[IOData], largest: int) -> tuple[IOData, ...]
     kept = LONGEST // len(experiments) + margin
     records = []
     for experiment in experiments:
-        record = _liveliest(experiment, kept, margin)
+        record = liveliest_stretch(experiment, kept, margin)
         steps = np.diff(record.u[:, 0]) ** 2
         if np.sum(steps[:margin]) >= EARLY * np.sum(steps):
             u = np.concatenate((np.full((margin, 1), record.u[0]), record.u))
@@ -114,7 +114,7 @@ def _prepared(experiments: Sequence[IOData], largest: int) -> tuple[IOData, ...]
     return tuple(records)
 
 
-def _liveliest(experiment: IOData, length: int, margin: int) -> IOData:
+def liveliest_stretch(experiment: IOData, length: int, margin: int) -> IOData:
     """The stretch of so many samples in which the input moves most, with a margin ahead of it where there is one."""
     if len(experiment) <= length:
         return experiment

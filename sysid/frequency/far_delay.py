@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
+from sysid.frequency.delay_profile import liveliest_stretch
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 
@@ -26,6 +27,9 @@ SHARE = 3
 
 MARGIN = 5
 """Samples below the limit from which on a delay counts as one that the tests may not have reached."""
+
+LONGEST = 10_000
+"""Samples of each record that are looked at: those in which the input moves most."""
 
 LAGS = 2
 """Equal lags of a model, at most: a chain of more of them looks like one with a delay."""
@@ -45,12 +49,13 @@ def far_delay(experiments: Sequence[IOData], tested: int) -> int | None:
     Returns:
         The delay in samples; None if those tested explain the output about as well.
     """
-    largest = min(map(len, experiments)) // SHARE
+    stretches = [liveliest_stretch(experiment, LONGEST, margin=0) for experiment in experiments]
+    largest = min(map(len, stretches)) // SHARE
     first = max(tested - MARGIN, 0) + 1
     if largest <= first:
         return None
-    of_levels = _costs(experiments, largest, differences=False)
-    of_differences = _costs(experiments, largest, differences=True)
+    of_levels = _costs(stretches, largest, differences=False)
+    of_differences = _costs(stretches, largest, differences=True)
     for costs in (of_levels, of_differences):
         if costs[:first].min() < costs[first:].min() + FAR_BETTER:
             return None

@@ -6,7 +6,7 @@ roots of a denominator, and with them its response, move by far more than roundi
 coefficients themselves.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,10 +25,12 @@ class CompanionForm:
     Attributes:
         A: The matrix (n, n).
         blocks: The states of each block, in an order in which every block comes after those that drive it.
+        drivers: First states of the other blocks that drive a block, by its own first state.
     """
 
     A: FloatArray
     blocks: Sequence[slice]
+    drivers: Mapping[int, Sequence[int]]
 
     @staticmethod
     def of(A: FloatArray) -> "CompanionForm | None":
@@ -41,15 +43,19 @@ class CompanionForm:
         inside = [j for j in range(1, n) if A[j - 1, j] == 1.0 and np.count_nonzero(A[:, j]) == 1]
         starts = [j for j in range(n) if j not in inside]
         blocks = [slice(start, end) for start, end in zip(starts, [*starts[1:], n], strict=True)]
+        # row by block, column by the block whose first state drives it
+        drives = np.logical_or.reduceat(A[:, starts] != 0.0, starts, axis=0)
+        np.fill_diagonal(drives, False)
+        drivers = {starts[k]: [starts[other] for other in np.flatnonzero(row)] for k, row in enumerate(drives)}
         ordered: list[slice] = []
-        waiting = list(blocks)
-        while waiting:
-            ready = [block for block in waiting if not _is_driven(A, block, waiting)]
-            if not ready:
+        waiting = np.ones(len(blocks), dtype=bool)
+        while waiting.any():
+            ready = waiting & ~drives[:, waiting].any(axis=1)
+            if not ready.any():
                 return None
-            ordered += ready
-            waiting = [block for block in waiting if block not in ready]
-        return CompanionForm(A, ordered)
+            ordered += [blocks[k] for k in np.flatnonzero(ready)]
+            waiting &= ~ready
+        return CompanionForm(A, ordered, drivers)
 
     @property
     def starts(self) -> list[int]:
@@ -86,9 +92,8 @@ class CompanionForm:
         for j in range(u.shape[1]):
             if B[block, j].any():
                 yield np.concatenate(([0.0], B[block, j])), u[:, j]
-        for start, signal in first_states.items():
-            if self.A[block, start].any():
-                yield np.concatenate(([0.0], self.A[block, start])), signal
+        for start in self.drivers[block.start]:
+            yield np.concatenate(([0.0], self.A[block, start])), first_states[start]
 
     def states(self, B: FloatArray, u: FloatArray, x0: FloatArray) -> FloatArray:
         """All states (N, n), for inputs u (N, nu) through B (n, nu) from x0 (n,)."""
@@ -122,7 +127,15 @@ class CompanionForm:
         n = len(self.A)
         responses = np.zeros((length, len(C), n))
         starts = self.starts
-        for block in self.blocks:
+        # from the last block backwards: what a block drives is known when its own turn comes
+        for block in reversed(self.blocks):
+            moved_to = np.flatnonzero(self.A[:, block.start])
+            if len(moved_to) == 1 and block.stop == block.start + 1 and moved_to[0] != block.start:
+                # a sample of delay: the response of the state that this one moves to, a sample later
+                (to,) = moved_to
+                responses[0, :, block.start] = C[:, block.start]
+                responses[1:, :, block.start] = self.A[to, block.start] * responses[:-1, :, to]
+                continue
             unit = np.zeros(n)
             unit[block.start] = 1.0
             with np.errstate(over="ignore", invalid="ignore"):
@@ -133,8 +146,3 @@ class CompanionForm:
             for delay, i in enumerate(range(block.start, min(block.stop, block.start + length))):
                 responses[delay:, :, i] = response[: length - delay]
         return responses
-
-
-def _is_driven(A: FloatArray, block: slice, others: Sequence[slice]) -> bool:
-    """Whether the first state of another block drives a block."""
-    return any(bool(A[block, other.start].any()) for other in others if other.start != block.start)

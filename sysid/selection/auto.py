@@ -596,7 +596,7 @@ def _estimated_far_delay(experiments: Experiments, largest: int) -> DelayEstimat
         return None
     tested = 2 * largest
     hint = far_delay(parts, tested)
-    if hint is None:
+    if hint is None or hint <= largest:
         return None
     # around it: the records begin later by the delays that are left out
     skipped = hint - largest

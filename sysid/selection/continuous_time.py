@@ -1,5 +1,6 @@
 """Choice of the structure of continuous-time models: poles, zeros, delay, and the factors of process models."""
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -8,8 +9,8 @@ import numpy as np
 
 from sysid.continuous import procest, tfest
 from sysid.continuous.initial_estimates import QUICK, initial_estimates
-from sysid.continuous.output_error import LONGEST_DELAY, hides_delay
-from sysid.continuous.output_error_criterion import OutputError
+from sysid.continuous.output_error import LONGEST_DELAY, hides_delay, longest_delay
+from sysid.continuous.output_error_criterion import TIGHT, OutputError
 from sysid.continuous.output_error_search import moves_early, quick_minimum
 from sysid.continuous.path_response import TransferFunction
 from sysid.continuous.structures import PathStructure, ProcessPath, RationalPath, RealisePaths, enlarged
@@ -238,12 +239,6 @@ def _liveliest_part(experiments: Sequence[IOData], j: int, length: int) -> tuple
     return liveliest
 
 
-def _longest_delay(experiments: Sequence[IOData]) -> float:
-    """Largest delay that is tried, s, as `tfest` has it."""
-    shortest = min(len(experiment) - experiment.window for experiment in experiments)
-    return experiments[0].dt * min(LONGEST_DELAY, shortest // 10)
-
-
 def _variants(kind: str, damping: float) -> list[str]:
     """Kinds with a letter or a pole more or less than that of a model with this least damping."""
     kinds = []
@@ -336,6 +331,7 @@ class _CandidateSearch:
         offset: Whether outputs have constants.
         held: Whether the input moves in the first samples above all, which do not count for candidates with a delay
             unless it was held before them, as in a step test.
+        longest_delay: Limit on the delays that are estimated, s.
         fits: What could be fitted.
         refusal: Why the last structure could not be.
     """
@@ -345,6 +341,7 @@ class _CandidateSearch:
     compared: tuple[IOData, ...]
     offset: bool
     held: bool
+    longest_delay: float
     fits: list[_Fit] = field(default_factory=list)
     refusal: SysidError | None = None
 
@@ -361,11 +358,10 @@ class _CandidateSearch:
         # such data have no candidates, each of which would say why in words of its own
         check_excitation(experiments, [0] * experiments[0].nu)
         compared = stretches(experiments, longest)
-        delayed = OutputError(
-            compared, [RationalPath(1, 0, None)] * compared[0].nu, _longest_delay(compared), free=True
-        )
+        limit = longest_delay(compared)
+        delayed = OutputError(compared, [RationalPath(1, 0, None)] * compared[0].nu, limit, free=True)
         held = moves_early(delayed)
-        return cls(method, experiments, compared, truth_value("offset", offset), held)
+        return cls(method, experiments, compared, truth_value("offset", offset), held, limit)
 
     @property
     def _size(self) -> float:
@@ -511,9 +507,8 @@ class _CandidateSearch:
         """Sum of squares of the errors of a structure."""
         experiments = self.data_of(structure, whole=False)
         first = experiments[0]
-        longest = _longest_delay(experiments)
         with_offset = self.offset and not structure.integrators
-        criterion = OutputError(experiments, [structure] * first.nu, longest, free=True, offset=with_offset)
+        criterion = OutputError(experiments, [structure] * first.nu, self.longest_delay, free=True, offset=with_offset)
         needed = criterion.sizes[-1] + len(experiments) * (first.nu * structure.poles + int(with_offset))
         if sum(criterion.usable()) <= needed:
             raise SysidError(f"too many orders for {sum(criterion.usable())} samples: {needed} unknowns")
@@ -535,9 +530,14 @@ class _CandidateSearch:
         if contains:
             return starts
         delays = [no_delay]
-        if structure.delay is None and nearest:
+        delayed = [fit for fit in nearest if fit.structure.delay is None]
+        beyond = self.longest_delay - LONGEST_DELAY * self.compared[0].dt
+        if structure.delay is None and delayed:
             # that of the best so far
-            delays = [np.array([path.delay for path in nearest[0].criterion.transfers(nearest[0].theta)])]
+            delays = [np.array([path.delay for path in delayed[0].criterion.transfers(delayed[0].theta)])]
+        elif structure.delay is None and beyond > 0.0:
+            # what the quick look at all delays has found
+            delays.append(no_delay + beyond)
         elif structure.delay is None:
             delays += [no_delay + share * criterion.longest for share in (0.2, 0.5)]
         for known in delays:
@@ -592,7 +592,7 @@ class _CandidateSearch:
         errors = criterion.columns(experiment, theta)[0][:, -1]
         if self.held:
             return errors
-        first = max(experiment.window, min(LONGEST_DELAY, len(experiment) // 10) + 1)
+        first = max(experiment.window, math.ceil(self.longest_delay / experiment.dt - TIGHT) + 1)
         return errors[-max(int(experiment.known[first:].sum()), 1) :]
 
     def _input_path(self, criterion: OutputError, theta: FloatArray) -> ContinuousModel:
