@@ -55,6 +55,7 @@ def identify(
     keep_mean: bool = False,
     offset: bool = False,
     trend: bool = False,
+    direct: bool = False,
     weighting: Annotated[tuple[int, ...], tyro.conf.arg(metavar="[NC ND]")] = (),
     steps: int = 1,
     held_out: float | None = None,
@@ -116,6 +117,8 @@ def identify(
             default it is estimated in turns with the model.
         trend: Fit a straight line in the output together with the parameters: a drift. Where orders are chosen, a line
             is tried without this option too.
+        direct: Allow a direct term (nk = 0) in the choice: the output depends on the input of the same sample, and no
+            controller computes that input from this output.
         weighting: Weight the errors of oe by a model C/D of the disturbance with these degrees, which is estimated
             beside the path and left out of the model. Where orders of oe are chosen, it is chosen with them.
         steps: Horizon of a further prediction, samples, beside simulation and one step ahead.
@@ -161,6 +164,7 @@ def identify(
             keep_mean=keep_mean,
             offset=offset,
             trend=trend,
+            direct=direct,
             weighting=weighting,
             steps=steps,
             held_out=held_out,

@@ -109,6 +109,7 @@ def identify_files(
     keep_mean: bool = False,
     offset: bool = False,
     trend: bool = False,
+    direct: bool = False,
     weighting: tuple[int, ...] = (),
     steps: int = 1,
     held_out: float | None = None,
@@ -133,6 +134,7 @@ def identify_files(
         keep_mean: Whether to use the values as they are, without an operating point.
         offset: Whether to fit a constant of the output together with the parameters.
         trend: Whether to fit a straight line likewise.
+        direct: Whether a direct term may be chosen although the data have noise.
         weighting: Of oe with orders the degrees nc and nd of a model of the disturbance that weights its errors; none
             where they count alike.
         steps: Horizon of a further prediction, samples.
@@ -157,6 +159,8 @@ def identify_files(
             f"--keep-mean and {'--trend' if trend else '--offset'} given; expected one: the values as they are, or "
             "about an operating point"
         )
+    if direct and orders:
+        raise ScenarioError(f"--direct and --orders {' '.join(map(str, orders))} given; nk = 0 is the direct term")
     degrees = _checked_weighting(weighting, orders)
     share = _held_out_share(orders, held_out, validate)
     # Remarks of the readers belong to the result, for the command line and the page alike.
@@ -203,6 +207,7 @@ def identify_files(
                 keep_mean=keep_mean,
                 offset=True if offset else None,
                 trend=True if trend else None,
+                direct=direct,
                 steps=steps,
                 check=check,
                 continued=validate is None,

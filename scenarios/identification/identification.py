@@ -142,6 +142,7 @@ class Identification:
         warnings: Remarks on gaps, bandwidths and numerics.
         cautions: What the choice of the model could not tell from the record, for which no verdict calls it sufficient.
         disagreement: Ratios of gain and bandwidth to structures that fit as well, of a choice; see `StructureChoice`.
+        same_sample: Whether the choice left a direct term out that could be that of a controller.
         rounded: Whether the residuals of each output are no larger than the rounding of its values, as by an encoder
             (ny,): they are then a function of the output, and hence of the input, of a true model too.
         baseline: Fit of the commands themselves to `checked`; None where inputs and outputs differ in number or units.
@@ -161,6 +162,7 @@ class Identification:
     cautions: tuple[str, ...] = ()
     rounded: tuple[bool, ...] = ()
     disagreement: tuple[float, float] = (1.0, 1.0)
+    same_sample: bool = False
     nonlinearity: NonlinearityTest | None = None
     baseline: CommandBaseline | None = None
     agreement: RunAgreement | None = None

@@ -1,8 +1,9 @@
 """Identification without method or orders: the toolbox chooses them, the last part of the record judges the model."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,6 +55,7 @@ def choose_and_identify(
     keep_mean: bool = False,
     offset: bool | None = None,
     trend: bool | None = None,
+    direct: bool = False,
     steps: int = 1,
     check: Sequence[IOData] | None = None,
     continued: bool = False,
@@ -67,6 +69,7 @@ def choose_and_identify(
         keep_mean: Whether to take values as they are, without an operating point.
         offset: Whether the output has a constant beside its mean; None lets the choice decide.
         trend: Whether it has a straight line, likewise.
+        direct: Whether the output may depend on the input of the same sample although the data have noise.
         steps: Horizon of the further prediction, samples.
         check: Records to judge on; `records` when None.
         continued: Whether these continue the records.
@@ -85,14 +88,17 @@ def choose_and_identify(
         raise ScenarioError(f"{method} has no trend; expected one of {', '.join(ORDERS)}")
     if method == "impulseest" and offset:
         raise ScenarioError(f"impulseest has no offset; expected one of {', '.join((*ORDERS, 'tfest', 'procest'))}")
+    if method is not None and method not in ORDERS and direct:
+        raise ScenarioError(f"--direct is not of {method}; expected one of {', '.join(ORDERS)}")
+    discrete = partial(_discrete, method=method, keep_mean=keep_mean, offset=offset, trend=trend, direct=direct)
     with warnings.catch_warnings():
         # They are of candidates; those of the chosen model come with its identification.
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        choice = _choice(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
+        choice = _choice(records, method, discrete, keep_mean=keep_mean)
         # a slow mode that the part estimated from hides may show in all samples; of one output alone it is looked for
         is_short = whole is not None and whole[0].ny == 1 and sum(map(len, whole)) <= LOOKED_AT_AGAIN
         if whole is not None and is_short and not choice.cautions:
-            slower = _discrete(whole, method, keep_mean=keep_mean, offset=offset, trend=trend).slower
+            slower = discrete(whole).slower
             choice = replace(choice, cautions=(slower,) if slower else ())
         result = identify(
             records,
@@ -106,15 +112,20 @@ def choose_and_identify(
             continued=continued,
             whole=whole,
         )
-    return replace(result, cautions=choice.cautions, disagreement=choice.disagreement), choice
+    result = replace(result, cautions=choice.cautions, disagreement=choice.disagreement, same_sample=choice.same_sample)
+    return result, choice
 
 
 def _choice(
-    records: Sequence[IOData], method: str | None, *, keep_mean: bool, offset: bool | None, trend: bool | None
+    records: Sequence[IOData],
+    method: str | None,
+    discrete: Callable[[Sequence[IOData]], StructureChoice],
+    *,
+    keep_mean: bool,
 ) -> StructureChoice:
-    """The choice, on the records about their means."""
+    """The choice, on the records about their means; `discrete` is that of `auto`."""
     if method is None or method in ORDERS:
-        return _discrete(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
+        return discrete(records)
     about = records if keep_mean else subtract_means(records)
     if method == "tfest":
         choice = choose_tfest(about, offset=not keep_mean)
@@ -125,21 +136,27 @@ def _choice(
     if choice.estimate.model.ny > 1:
         return choice
     try:
-        beside = _discrete(records, method, keep_mean=keep_mean, offset=offset, trend=trend)
+        beside = discrete(records)
     except SysidError:
         return choice
     return _beside_discrete(choice, beside, about)
 
 
 def _discrete(
-    records: Sequence[IOData], method: str | None, *, keep_mean: bool, offset: bool | None, trend: bool | None
+    records: Sequence[IOData],
+    *,
+    method: str | None,
+    keep_mean: bool,
+    offset: bool | None,
+    trend: bool | None,
+    direct: bool,
 ) -> StructureChoice:
     """The choice of `auto` on the records about their means: of one of its methods, or of all where it has it not."""
     about = records if keep_mean else subtract_means(records)
     if keep_mean:
         offset, trend = False, False
     methods = None if method is None or method not in ORDERS else [method]
-    return sysid.auto(about, methods=methods, offset=offset, trend=trend)
+    return sysid.auto(about, methods=methods, offset=offset, trend=trend, direct=direct)
 
 
 def _beside_discrete(choice: StructureChoice, beside: StructureChoice, records: Sequence[IOData]) -> StructureChoice:

@@ -58,6 +58,11 @@ SLOW_PART = 0.05
 A lag with 9 % less gain has 20 % more bandwidth. Of a part that only the weaker test shows it is `CLOSE`.
 """
 
+SAME_SAMPLE = (
+    "; input and output of the same sample depend on each other: unless a controller computes the input from that "
+    "output, --direct gives a model with a direct term"
+)
+
 GRID = 50
 """Frequencies, up to the highest that the input excites, at which the largest gain is looked for."""
 
@@ -196,6 +201,11 @@ def verdict(result: Identification) -> str:
     Tests alone would accept models of which the noise model does all the work: it follows any output one step ahead.
     Simulated from the input alone, a sufficient model explains the output at least by half.
     """
+    return _judgement(result) + (SAME_SAMPLE if result.same_sample else "")
+
+
+def _judgement(result: Identification) -> str:
+    """The verdict on what the model describes."""
     fits = ", ".join(f"{value:.1f} %" for value in result.fit.simulation)
     lowest = float(np.min(result.fit.simulation))
     if result.agreement is not None and result.agreement.words:

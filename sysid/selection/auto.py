@@ -56,9 +56,12 @@ DIRECT = "a direct term, which would be that of the controller"
 
 SAME_SAMPLE = (
     "the output depends on the input of the same sample, by a direct term or by feedback through a controller that "
-    "computes the input from that output: a direct term is tried only where it is asked for (direct=True)"
+    "computes the input from that output: a direct term is tried only where it is asked for (direct=True, --direct)"
 )
 
+HELD = 0.5
+"""Share of the samples whose output differs from the one before but whose input does not, from which on no controller
+computes the input from the output of the same sample."""
 
 EXACTLY = (
     "input and output follow from each other exactly, in the same sample: either of a plant without noise and with a "
@@ -81,6 +84,8 @@ class StructureChoice(Locked):
         disagreement: Largest ratios, 1 or more, of gain at 0 Hz and of bandwidth between it and the candidates that the
             criterion hardly tells from it; 1 where there are none.
         slower: That of `cautions` on a slower model that fits better, in words; empty if there is none.
+        same_sample: Whether input and output of the same sample depend on each other, and a direct term was left out
+            because it could be that of a controller.
     """
 
     estimate: Estimate
@@ -91,6 +96,7 @@ class StructureChoice(Locked):
     cautions: tuple[str, ...] = ()
     disagreement: tuple[float, float] = (1.0, 1.0)
     slower: str = ""
+    same_sample: bool = False
 
     def _parts(self) -> list[Part]:
         best, listed = self.candidates[0], self.candidates[:LISTED]
@@ -226,6 +232,7 @@ def auto(
         cautions=cautions,
         disagreement=climb.search.disagreement(ranked) if ranked[0].weighting == UNWEIGHTED else climb.disagreement,
         slower=slower,
+        same_sample=loop.is_at_once,
     )
 
 
@@ -263,8 +270,25 @@ def _loop(experiments: Experiments, *, direct: bool) -> Loop:
     """Tests of feedback, with the sample of the same instant and, unless a direct term is allowed, without it."""
     p = _feedback_p(experiments)
     at_once = p >= LEVEL and not direct and _feedback_p(experiments, direct=False) < LEVEL
+    if at_once and _is_held(experiments):
+        # whatever moves it, it is not the output of the same sample
+        at_once = False
     # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
     return Loop(p, is_closed=p < LEVEL, is_at_once=at_once and p < 1.0, is_exact=at_once and p == 1.0)
+
+
+def _is_held(experiments: Experiments) -> bool:
+    """Whether the inputs stay exactly the same from one sample to the next while the outputs change.
+
+    A relay holds its output too, but it changes when the output crosses a level: `feedback` sees that in the past.
+    """
+    moved = held = 0
+    for experiment in complete_parts(experiments):
+        outputs_move = np.diff(experiment.y, axis=0).any(axis=1)
+        inputs_move = np.diff(experiment.u, axis=0).any(axis=1)
+        moved += int(outputs_move.sum())
+        held += int((outputs_move & ~inputs_move).sum())
+    return moved > 0 and held >= HELD * moved
 
 
 @dataclass(frozen=True)

@@ -160,6 +160,32 @@ def test_a_sufficient_verdict_says_how_large_a_slow_part_the_disturbance_may_hid
     assert verdict(result).partition("; simulated fit ")[2].partition("; ")[2].startswith(hidden)
 
 
+def lead_lag(u, noise, rng):
+    """A divider with a direct term of 0.4 and a gain of 1 at 0 Hz."""
+    y = lfilter([0.4, -0.3705], [1.0, -0.9512], u) / (0.0295 / 0.0488)
+    return IOData(u, y + noise * y.std() * rng.standard_normal(len(u)), 0.001)
+
+
+def test_a_direct_term_from_an_input_that_is_held_is_chosen():
+    """No controller computes an input that stays the same from an output that moves."""
+    rng = np.random.default_rng(1)
+    result = identified(lead_lag(np.repeat(rng.uniform(-1.0, 1.0, 67), 30)[:2000], 0.01, rng))
+    assert verdict(result).startswith("sufficient")
+    assert result.fitted.orders["nk"] == 0
+    assert result.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.01)
+
+
+def test_beside_an_input_of_noise_the_verdict_names_the_option_for_a_direct_term():
+    rng = np.random.default_rng(1)
+    record = lead_lag(rng.standard_normal(2000), 0.01, rng)
+    assert "--direct gives a model with a direct term" in verdict(identified(record))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        asked, _ = choose_and_identify((replace(record, name="record"),), None, direct=True)
+    assert verdict(asked).startswith("sufficient") and "--direct" not in verdict(asked)
+    assert asked.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.02)
+
+
 def test_a_single_sine_is_not_sufficient():
     """Two parameters are all that it tells."""
     rng = np.random.default_rng(40)
