@@ -20,9 +20,10 @@ def pem_from_n4sid(
         data: One experiment, or several that share the model.
         order: Number of states.
         direct: Whether D is estimated.
-        start: Model near the answer, at which the search begins instead.
+        start: Model near the answer, at which the search begins instead, and which needs no others.
     """
-    return sysid.pem_ss(data, start or sysid.n4sid(data, order, direct=direct), direct=direct)
+    first = start or sysid.n4sid(data, order, direct=direct)
+    return sysid.pem_ss(data, first, direct=direct, search=start is None)
 
 
 def era_of_record(data: IOData, order: int, pulses: int) -> StateSpace:

@@ -561,7 +561,8 @@ def _estimate(experiments: Experiments, chosen: Candidate, search: StructureSear
         orders: Mapping[str, Any] = chosen.orders
         nk = orders.get("nk", 0)
         start = n4sid(complete_parts(experiments), orders["order"], nk=nk, direct=search.direct)
-        return pem_ss(experiments, start, direct=search.direct)
+        # as the candidates were compared: further starts hardly ever find a lower minimum and take most of the time
+        return pem_ss(experiments, start, direct=search.direct, search=False)
     estimators: Mapping[str, Callable[..., Estimate]] = {"arx": arx, "armax": armax, "oe": oe, "bj": bj}
     # the search has found a minimum already: only arx, which needs none, starts from nothing
     options: dict[str, Any] = {} if chosen.method == "arx" else {"start": search.polynomials_of(chosen)}
