@@ -23,6 +23,7 @@ from sysid.records.singular_values import svd
 from sysid.validation.joint_nonlinearity import FRICTION, PARAMETERS, PLAY, SATURATION, stop, told_kind
 
 LAGS = 20  # of the inputs beside the tested terms: what depends linearly on the input is left to them
+SLOW_LAGS = (10.0, 20.0, 40.0, 80.0, 160.0)  # samples, time constants of what reaches further back than they do
 WHITENER = 25  # order of the autoregressive model of the residuals, at most
 LONGEST = 20_000  # samples that are tested: more would find what does not matter
 MATERIAL = 0.005  # nonlinear part of the output, relative to its deviation, from which on bandwidths go wrong
@@ -77,9 +78,10 @@ def nonlinearity(
 
     Terms of the simulated output and of the input (hysteresis of dry friction and play, cubes, squares) pass through
     the model's path from the input where the nonlinearity acts before the dynamics, then through its predictor and a
-    whitener of the errors. Each is tested by an F test beside `LAGS` lags of the inputs; correlations with squares of
-    inputs and residuals have the same purpose [Billings2013, sec. 5.2]. Terms depend on past inputs alone, so that
-    feedback makes no nonlinearity.
+    whitener of the errors. Each is tested by an F test beside `LAGS` lags of the inputs, and inputs behind slower lags:
+    a linear response that the model lacks is no nonlinearity. Correlations with squares of inputs and residuals have
+    the same purpose [Billings2013, sec. 5.2]. Terms depend on past inputs alone, so that feedback makes no
+    nonlinearity.
 
     Args:
         model: The model, in any form that `predict` takes.
@@ -229,17 +231,19 @@ def _tested(model: StateSpace, terms: Sequence[_Terms], i: int) -> tuple[float, 
         signals = [of_record.errors[:, None], _predictor_errors(model, of_record.terms, i)]
         inputs = record.u - record.u.mean(axis=0)
         signals.append(np.column_stack([_predictor_errors(model, inputs[:, [j]], i) for j in range(record.nu)]))
+        slow = _behind_lags(inputs)
+        signals.append(_predictor_errors(model, slow, i))
         white = [scipy.signal.lfilter(whitener, [1.0], signal, axis=0) for signal in signals]
         target.append(white[0][start:, 0])
         tested.append(white[1][start:])
-        linear.append(np.hstack([lagged(column, range(1, LAGS + 1), start) for column in white[2].T]))
+        linear.append(_lagged_inputs(white[2], white[3], start))
         raw.append(of_record.terms[start:])
-        raw_linear.append(np.hstack([lagged(column, range(1, LAGS + 1), start) for column in inputs.T]))
+        raw_linear.append(_lagged_inputs(inputs, slow, start))
     if not all(np.isfinite(part).all() for part in (*tested, *linear)):
         return None
     rest = _without(np.vstack(linear), np.column_stack((np.concatenate(target), np.vstack(tested))))
     t, columns = rest[:, 0], rest[:, 1:]
-    freedom = len(t) - 1 - LAGS * model.nu - columns.shape[1]
+    freedom = len(t) - 1 - linear[0].shape[1] - columns.shape[1]
     if freedom < columns.shape[1] or not t.any():
         return None
     total, sizes = float(t @ t), np.sum(columns**2, axis=0)
@@ -255,6 +259,21 @@ def _tested(model: StateSpace, terms: Sequence[_Terms], i: int) -> tuple[float, 
     for family, part in zip(terms[0].families, explained.tolist(), strict=True):
         families[family] = max(families.get(family, 0.0), part)
     return min(1.0, float(p) * len(explained)), float(nonlinear.std() / size), families
+
+
+def _behind_lags(inputs: FloatArray) -> FloatArray:
+    """Inputs (N, nu) behind lags of time constants from a few samples to a part of the record (N, nu k)."""
+    responses = []
+    for constant in SLOW_LAGS:
+        pole = np.exp(-1.0 / constant)
+        responses.append(scipy.signal.lfilter([1.0 - pole], [1.0, -pole], inputs, axis=0))
+    return np.hstack(responses)
+
+
+def _lagged_inputs(inputs: FloatArray, slow: FloatArray, start: int) -> FloatArray:
+    """`LAGS` past values of the inputs (N, nu), and the last one of those behind slow lags, from `start` on."""
+    table = [lagged(column, range(1, LAGS + 1), start) for column in inputs.T]
+    return np.hstack((*table, slow[start - 1 : -1]))
 
 
 def _predictor_errors(model: StateSpace, outputs: FloatArray, i: int) -> FloatArray:
