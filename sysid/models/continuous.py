@@ -414,7 +414,9 @@ def _check_no_delay(poles: ComplexArray) -> None:
     if at_zero:
         raise SysidError(
             f"the model has {at_zero} pole(s) at zero, samples of delay, which no continuous-time model without delay "
-            "has, as exp(s dt) is never zero; remove delays by split_delay, or fit a lower order"
+            "has, as exp(s dt) is never zero: split_delay removes whole samples of delay; where B has more "
+            "coefficients than F has poles, fit fewer, or tfest(data, np, nz, delay=None), whose delay may be a part "
+            "of a sample"
         )
 
 

@@ -117,7 +117,9 @@ class _System:
         if self.dt:
             return replace(self.states, dt=self.dt)
         if self.dt is None:
-            return replace(self.states, dt=_interval(data, "the system has", "the system with dt in s"))
+            return replace(
+                self.states, dt=_interval(data, "the system, of dt = True, has", "the same system with its dt in s")
+            )
         dt = _interval(data, "a continuous-time system has", "c2d(system, dt)")
         hold = "foh" if data is not None and data.intersample == "foh" else "zoh"
         states = replace(self.states, dt=dt)

@@ -249,6 +249,7 @@ def regression_estimate(
         recorded=recorded,
         looked_for_offset=huber is not None,
         looks_for_outliers=True,
+        is_robust=huber is not None,
     )
 
 

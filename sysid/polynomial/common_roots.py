@@ -77,8 +77,11 @@ def _at_roots(
         # one of each conjugate pair
         if root.imag < 0.0:
             continue
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(all="ignore"):
             moves = -own.gradient(root, len(covariance)) / np.polyval(slope, root)
+        if not np.isfinite(moves).all():
+            # a double root has no derivative, and is separated from nothing
+            continue
         # rounding may leave the variance of a well-known root below zero
         deviation = np.sqrt(max(float(np.real(moves @ covariance @ moves.conj())), 0.0))
         nearest = np.abs(np.delete(roots, k) - root).min(initial=np.inf)

@@ -26,7 +26,9 @@ ADVICE = (
 )
 
 
-def outlier_messages(errors: Sequence[FloatArray], experiments: Sequence[IOData]) -> list[str]:
+def outlier_messages(
+    errors: Sequence[FloatArray], experiments: Sequence[IOData], *, count_linearly: bool = False
+) -> list[str]:
     """Describe residuals that normal errors of their robust scale do not have.
 
     The errors are whitened by an autoregressive model of their clipped values. Their scale is the median of their
@@ -36,6 +38,7 @@ def outlier_messages(errors: Sequence[FloatArray], experiments: Sequence[IOData]
     Args:
         errors: One-step errors of an output (N_i,) of each experiment, NaN where the output is missing.
         experiments: The data, as many.
+        count_linearly: Whether the fit lets large errors count linearly already.
 
     Returns:
         No message, or one.
@@ -54,7 +57,7 @@ def outlier_messages(errors: Sequence[FloatArray], experiments: Sequence[IOData]
     total = sum(map(len, places))
     if not total:
         return []
-    return [_message(whitened, experiments, places, limit, scale, count)]
+    return [_message(whitened, experiments, places, limit, scale, count, count_linearly)]
 
 
 def outlier_limit(count: int) -> float:
@@ -93,6 +96,7 @@ def _message(
     limit: float,
     scale: float,
     count: int,
+    count_linearly: bool,
 ) -> str:
     """Message that names the largest outliers, in order of time."""
     sizes = []
@@ -106,9 +110,11 @@ def _message(
         where = f" of experiment {experiment.name or k + 1}" if len(experiments) > 1 else ""
         texts.append(f"{experiment.time[sample]:.6g} s (sample {sample}{where}, {size:.3g} deviations)")
     largest = "the largest at" if len(sizes) > NAMED else "at"
+    effect, advice = "pull the parameters", ADVICE
+    if count_linearly:
+        effect, advice = "count linearly, by error_threshold", ""
     text = (
-        f"{len(sizes)} of {count} residuals are outliers, beyond {limit:.3g} robust standard deviations, and pull the "
-        f"parameters: {largest} {', '.join(texts)}; look whether these samples are wrong, or show what the model "
-        f"lacks{ADVICE}"
+        f"{len(sizes)} of {count} residuals are outliers, beyond {limit:.3g} robust standard deviations, and {effect}: "
+        f"{largest} {', '.join(texts)}; look whether these samples are wrong, or show what the model lacks{advice}"
     )
-    return Message(text, "outliers", error_threshold=ADVICE)
+    return Message(text, "outliers", error_threshold=advice)

@@ -84,12 +84,13 @@ def make_estimate(
     recorded: Sequence[IOData] | None = None,
     looked_for_offset: bool = False,
     looks_for_outliers: bool = False,
+    is_robust: bool = False,
 ) -> Estimate:
     """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest.
 
     The `recorded` experiments are those that the model recognises as its own, where trends were subtracted from them.
     Unless the estimator `looked_for_offset`, the errors of the model show whether it lacks one. On request they are
-    searched for outliers.
+    searched for outliers, which a fit that `is_robust` lets count linearly.
     """
     summary = DataSummary.of(experiments)
     if recorded is not None:
@@ -115,7 +116,7 @@ def make_estimate(
         initial_state = np.zeros(model.order) if at_rest else None
         errors = [residuals(model, e, x0=initial_state) for e in experiments]
     if looks_for_outliers:
-        of_outliers = outlier_messages([of_record[:, 0] for of_record in errors], experiments)
+        of_outliers = outlier_messages([of_record[:, 0] for of_record in errors], experiments, count_linearly=is_robust)
         messages = (*messages, *of_outliers)
         warn_each(of_outliers, stacklevel=4)
     return Estimate(
@@ -282,6 +283,7 @@ def prediction_error_estimate(
         recorded=problem.recorded,
         looked_for_offset=looks_for_offset or fit.huber is not None,
         looks_for_outliers=True,
+        is_robust=fit.huber is not None,
     )
 
 

@@ -22,11 +22,18 @@ SECONDS = {
     **dict.fromkeys(("ns", "nsec", "nanos", "nanosecond", "nanoseconds"), 1e-9),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
     **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+    **dict.fromkeys(("day", "days"), 86400.0),
 }
 """Units of time, s."""
 
+SPELLED_UNITS = tuple(unit for unit in SECONDS if len(unit) > 4)
+"""Units that are a name of a clock by themselves."""
+
 EPOCH = (9.4e8, 4.2e9)
 """Seconds since 1970 of the years 1999 to 2103: unnamed units of larger stamps follow from their size."""
+
+SPREADSHEET_DAYS = (36526.0, 73051.0)
+"""Days since 1900 of the years 2000 to 2099, as spreadsheets count them."""
 
 ROUNDED = 1e-2  # largest remainder of a multiple of the resolution: float64 rounds stamps of 1.7e9 s to 2.4e-7 s
 MOST_DIGITS = 4  # most digits of the smallest step; a finer resolution is not the reason why steps differ
@@ -124,6 +131,12 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
         unit = _epoch_unit(float(values[0]))
         if unit:
             remarks = (f"times in column {name!r} are taken for {unit} since 1970, by their size",)
+        elif _counts_days(values):
+            unit = "days"
+            remarks = (
+                f"times in column {name!r} are taken for days since 1900, as spreadsheets have them: in days their "
+                "steps are round numbers of seconds; --time-unit s (time_unit='s') takes them for seconds",
+            )
         else:
             unit = "s"
     values, midnights = _past_midnight(values, unit, has_half_days=is_text_clock)
@@ -198,6 +211,22 @@ def _epoch_unit(stamp: float) -> str:
     return ""
 
 
+def _counts_days(values: Column) -> bool:
+    """Whether numbers are days of a spreadsheet: of their size, and with steps that are round in s but not in days."""
+    if values.dtype.kind != "f" or not SPREADSHEET_DAYS[0] <= float(values[0]) <= SPREADSHEET_DAYS[1]:
+        return False
+    elapsed = (values - values[0]).astype(np.float64)
+    if len(elapsed) < 2 or not (np.diff(elapsed) > 0.0).all():
+        return False
+    if np.abs(1e3 * elapsed - np.rint(1e3 * elapsed)).max() < ROUNDED:
+        # whole milliseconds, if they were seconds
+        return False
+    seconds = elapsed * DAY
+    # nine decimals of a day are 0.1 ms
+    milliseconds = np.rint(1e3 * seconds)
+    return bool(np.abs(seconds - 1e-3 * milliseconds).max() < 2e-4 and (milliseconds % 10.0 == 0.0).all())
+
+
 def is_time(name: str) -> bool:
     """Whether a column has the name of a time."""
     return _name_and_unit(name)[0] in (*TIME_NAMES, *TRANSLATED)
@@ -212,6 +241,9 @@ def interval_unit(name: str) -> float | None:
 def _name_and_unit(name: str) -> tuple[str, str]:
     """Split `Time (s)`, `t[ms]`, `time_s`, `log.time / s` or `%time` into name and unit, lower case."""
     label = name.strip().lower().rpartition(".")[2].strip("% ").replace("time_stamp", "timestamp")
+    if label in SPELLED_UNITS:
+        # a clock whose name is its unit, as the `millis` of a microcontroller
+        return "time", label
     match = re.fullmatch(r"([a-z]+)\s*(?:[(\[]\s*([^)\]]*?)\s*[)\]]|(?:_|\s*/\s*|\s+)([a-zµμ]+))?", label)
     if match is None:
         return label, ""

@@ -27,6 +27,7 @@ def test_small_random_records():
 @pytest.mark.parametrize(
     ("seed", "name"),
     [
+        (1080, "tfest"),
         (1211, "polyest"),
         (1314, "arma"),
         (1352, "cross_validate"),

@@ -4,7 +4,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
-from sysid import read_csv, read_experiments
+from sysid import SysidWarning, read_csv, read_experiments
 from tests.refusals import refused
 
 N, EPOCH = 40, 1_767_225_600
@@ -180,3 +180,25 @@ def test_rows_without_input_are_lost_rows(tmp_path):
     rows = [row if k % 5 == 0 else f"{row.split(',')[0]},,{Y[k % N]}" for k, row in enumerate(rows)]
     path.write_text("\n".join(["t,u,y", *rows]))
     refused("expected 5% at most. An input that is logged only when it changes", read_csv, path, missing=True)
+
+
+def test_a_clock_may_be_named_by_its_unit(tmp_path):
+    path = tmp_path / "board.csv"
+    path.write_text("millis,u,y\n" + "".join(f"{20 * k},{k % 3},{k % 5}\n" for k in range(N)))
+    assert read_csv(path).dt == pytest.approx(0.02)
+
+
+@pytest.mark.parametrize("step", [60.0, 0.5, 3600.0])
+def test_days_of_a_spreadsheet_are_taken_for_days_and_said(tmp_path, step):
+    path = tmp_path / "sheet.csv"
+    path.write_text("Time,u,y\n" + "".join(f"{44197 + k * step / 86400:.9f},{k % 3},{k % 5}\n" for k in range(N)))
+    with pytest.warns(SysidWarning, match="taken for days since 1900, as spreadsheets have them"):
+        record = read_csv(path)
+    assert record.dt == pytest.approx(step, rel=1e-3)
+
+
+@pytest.mark.parametrize("step", [0.02, 0.001, 0.5])
+def test_seconds_of_that_size_stay_seconds(tmp_path, step):
+    path = tmp_path / "uptime.csv"
+    path.write_text("Time,u,y\n" + "".join(f"{44197 + k * step:.6f},{k % 3},{k % 5}\n" for k in range(N)))
+    assert read_csv(path).dt == pytest.approx(step)
