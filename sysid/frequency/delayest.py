@@ -10,6 +10,7 @@ import scipy
 from numpy.typing import NDArray
 
 from sysid.frequency.delay_profile import DelayProfile, delay_profile
+from sysid.frequency.far_delay import far_delay
 from sysid.polynomial.correlation import covariance_function, prewhitened
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import scaled_triangle, triangle_of_blocks
@@ -86,8 +87,8 @@ def delayest(
         SysidError: Constant input, orders or level out of range, too little data.
 
     Warns:
-        SysidWarning: A delay that cannot be told from a lag; dependent inputs; feedback, beside which the
-            correlation method means nothing, and the ARX method holds only if the feedback has a delay.
+        SysidWarning: A delay that cannot be told from a lag, or that is beyond the largest tested; dependent inputs;
+            feedback, beside which the correlation method means nothing, and the ARX method holds only if the feedback has a delay.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu = experiments[0].nu
@@ -108,7 +109,7 @@ def delayest(
     if nu == 1 and not feedback_messages:
         # in a loop the noise reaches the input too, which these models take as independent of it
         by_arx, intervals, ambiguities = _by_profiles(experiments, largest, by_arx, exact)
-        warn_each(ambiguities)
+        warn_each(_beyond(experiments, largest) or ambiguities)
     return DelayEstimate(
         arx=by_arx,
         interval=intervals,
@@ -140,6 +141,19 @@ def _by_profiles(
         intervals[:, i, 0] = profile.interval
         messages += _ambiguity(experiments, i, profile)
     return delays, intervals, messages
+
+
+def _beyond(experiments: Sequence[IOData], largest: int) -> list[str]:
+    """Warnings of delays of one input beyond the largest tested one, an output each; none where nothing shows any."""
+    messages = []
+    for i, name in enumerate(experiments[0].output_names or ()):
+        far = far_delay([e.select(outputs=[i]) for e in experiments], largest)
+        if far is not None and far > largest:
+            messages.append(
+                f"a delay of about {far} samples explains {name} far better than those up to largest = {largest}: a "
+                "larger one would test it"
+            )
+    return messages
 
 
 def _ambiguity(experiments: Sequence[IOData], i: int, profile: DelayProfile) -> list[str]:

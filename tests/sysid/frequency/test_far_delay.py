@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, auto, procest, tfest
+from sysid import IOData, SysidWarning, auto, delayest, procest, tfest
 from sysid.frequency.far_delay import far_delay
 from sysid.selection import choose_procest
 
@@ -43,6 +43,15 @@ def test_nothing_is_seen_where_the_tested_delays_explain_as_much():
         assert far_delay([IOData(walk.u, walk.y[:, 0] + np.cumsum(rng.standard_normal(SAMPLES)), 1.0)], TESTED) is None
     short = record("step", 3)[:40]
     assert far_delay([short], TESTED) is None
+
+
+def test_delayest_says_that_it_does_not_look_far_enough():
+    with pytest.warns(SysidWarning, match="a delay of about 60 samples explains y1 far better than those up to"):
+        delayest(record("levels", 60))
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        assert delayest(record("levels", 60), largest=80).arx[0, 0] == pytest.approx(61, abs=1)
+    assert not any("larger one would test it" in str(warning.message) for warning in caught)
 
 
 @pytest.mark.parametrize("kind", ["step", "two", "levels"])
