@@ -88,7 +88,8 @@ def delayest(
 
     Warns:
         SysidWarning: A delay that cannot be told from a lag, or that is beyond the largest tested; dependent inputs;
-            feedback, beside which the correlation method means nothing, and the ARX method holds only if the feedback has a delay.
+            feedback, beside which the correlation method means nothing, and the ARX method holds only if the feedback
+            has a delay.
     """
     experiments = tuple(e.detrend() for e in as_experiments(data))
     nu = experiments[0].nu
