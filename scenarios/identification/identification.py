@@ -90,6 +90,7 @@ class FittedModel:
         longest = max(map(len, self.parts))
         lasting = 1.0 / (LASTING * longest)
         distances = 1.0 - sampled_poles(self.estimate)
+        # one alone, or two that together are a double integrator
         slowest = distances[np.argsort(np.abs(distances))[:2]]
         if (np.abs(slowest) < lasting).any():
             return True

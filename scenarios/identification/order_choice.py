@@ -90,6 +90,7 @@ def choose_and_identify(
         raise ScenarioError(f"impulseest has no offset; expected one of {', '.join((*ORDERS, 'tfest', 'procest'))}")
     if method is not None and method not in ORDERS and direct:
         raise ScenarioError(f"--direct is not of {method}; expected one of {', '.join(ORDERS)}")
+    # with the options of the caller, asked more than once
     discrete = partial(_discrete, method=method, keep_mean=keep_mean, offset=offset, trend=trend, direct=direct)
     with warnings.catch_warnings():
         # They are of candidates; those of the chosen model come with its identification.
