@@ -203,6 +203,7 @@ def auto(
         simulated = _ranked_by_simulation(experiments, climb.search, ranked[0], climb.delays, objection)
     if simulated is not None:
         ranking, fit = simulated
+        climb = climb.told_by(ranking.candidate)
         reason = _reason_of_simulation(climb, ranking, ranked, sum(map(len, experiments)))
         ranked = _with_first(ranking.candidate, ranked)
     else:
@@ -210,6 +211,7 @@ def auto(
             weighted = _weighted(ranked[0], climb.beside_noise)
             if weighted != ranked[0]:
                 ranked, fit = (weighted, *ranked[1:]), None
+        climb = climb.told_by(ranked[0])
         reason = _reason(climb.search, ranked, climb.delays, sum(map(len, experiments)))
         if loop.is_closed:
             reason += _reason_of_feedback(without_trend, loop, any_method=methods is None)
@@ -301,6 +303,7 @@ class Climb:
         estimate_of_delays: What they come from; None where the data are too few.
         beside_noise: Best candidate with a model of the noise, where output-error models alone are asked for.
         disagreement: Likewise the ratios of gain and bandwidth between it and those that are hardly worse.
+        near: Estimate among the delays that are tested first, where that of `delays` is beyond them; None else.
     """
 
     search: StructureSearch
@@ -308,6 +311,17 @@ class Climb:
     estimate_of_delays: DelayEstimate | None
     beside_noise: Candidate | None = None
     disagreement: tuple[float, float] = (1.0, 1.0)
+    near: DelayEstimate | None = None
+
+    def told_by(self, best: Candidate) -> "Climb":
+        """With the estimate of the delay that the best candidate has, where there are two of them."""
+        if self.near is None or self.estimate_of_delays is None:
+            return self
+        nk = int(np.ravel(best.orders.get("nk", 0))[0])
+        far, near = (int(estimate.arx[0, 0]) for estimate in (self.estimate_of_delays, self.near))
+        if abs(nk - far) <= abs(nk - near):
+            return self
+        return replace(self, estimate_of_delays=self.near, delays=_delays(self.near, 1), near=None)
 
 
 def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, any_method: bool) -> Climb:
@@ -323,10 +337,10 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
     estimate = _estimated_delays(levelled, search.largest)
     delays = _delays(estimate, experiments[0].nu)
     shortest = _shortest(estimate, delays)
-    far = _estimated_far_delay(levelled, search.largest)
+    near, far = None, _estimated_far_delay(levelled, search.largest)
     if far is not None:
         # what the delays up to the limit explain stays a candidate: many lags resemble a long delay
-        estimate, shortest = far, delays
+        near, estimate, shortest = estimate, far, delays
         delays = _delays(far, experiments[0].nu)
     if loop.is_closed or loop.is_at_once:
         delays = tuple(max(delay, 1) for delay in delays)
@@ -344,11 +358,11 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
         whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
         search = whole
     if not paths_alone:
-        return Climb(search, delays, estimate)
+        return Climb(search, delays, estimate, near=near)
     ranked = search.ranked()
     disagreement = search.disagreement(ranked)
     search.keep_input_paths()
-    return Climb(search, delays, estimate, ranked[0], disagreement)
+    return Climb(search, delays, estimate, ranked[0], disagreement, near)
 
 
 def _climbed_states(search: StructureSearch, loop: Loop) -> Climb:
