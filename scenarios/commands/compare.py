@@ -68,7 +68,7 @@ def compare(
         output: Names of the output columns, likewise.
         dt: Sampling interval of a table without one, s.
         time: Name of the column of times, when it is not t, time, stamp or the like.
-        time_unit: Unit of the times: s, ms, us, ns, min or h.
+        time_unit: Unit of the times: s, ms, us, ns, min, h or days.
         test: Which test of a 1553 record, by name or number.
         estimation_test: Which test of the record to identify from, likewise.
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete. Gaps of the times still cut.

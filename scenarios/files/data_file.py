@@ -64,7 +64,7 @@ def read_parts(
         output: Names of the output columns or variables.
         dt: Sampling interval, s. Needed if the file has none; must agree with it otherwise.
         time: Name of the column or variable of times; `header` or `log` of a log of messages.
-        time_unit: Unit of the times: s, ms, us, ns, min or h.
+        time_unit: Unit of the times: s, ms, us, ns, min, h or days.
         test: Test of a 1553 record, by name or number, if it holds several.
         missing: Whether outputs of a table may be missing (NaN or empty); those of our own records always may.
         interpolate: Whether outputs of a table are interpolated at single lost samples, for what takes one record

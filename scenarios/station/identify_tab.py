@@ -61,7 +61,7 @@ def fields(records: tuple[str, ...], shown: str) -> tuple[Field, ...]:
         Field("output", "outputs", "y", folder=COLUMNS, hint="names of columns, separated by commas"),
         Field("dt", "interval / s", None, folder=COLUMNS, hint="of a table without times", optional=float),
         Field("time", "times", "", folder=COLUMNS, hint="name of the column, when it is not t, time or the like"),
-        Field("time_unit", "unit of times", "", folder=COLUMNS, hint="s, ms, us, ns, min or h"),
+        Field("time_unit", "unit of times", "", folder=COLUMNS, hint="s, ms, us, ns, min, h or days"),
         Field("missing", "missing outputs", initial=False, folder=COLUMNS, hint="outputs may have empty cells or NaN"),
         Field("test", "test of a record", "", folder=COLUMNS, hint="name or number, where a 1553 record holds several"),
     )

@@ -5,6 +5,7 @@ states: the answer looks like any other.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import scipy
@@ -21,6 +22,12 @@ MOVED_BEFORE = 2.0
 
 A step test with a step at its first sample, too, fits a little better whatever its delay.
 """
+
+BADLY = 0.1
+"""Part of the output that inputs held before the record must leave."""
+
+STEP = 0.5
+"""Ratio of neighbouring time constants, octaves."""
 
 SHARE = 3
 """Part of the shortest record up to which delays are looked at: one third."""
@@ -49,44 +56,73 @@ def far_delay(experiments: Sequence[IOData], tested: int) -> int | None:
     Returns:
         The delay in samples; None if those tested explain the output about as well.
     """
-    stretches = [liveliest_stretch(experiment, LONGEST, margin=0) for experiment in experiments]
+    longest = max(map(len, experiments))
+    # a short part tells nothing of long delays, and must not hide them
+    long_ones = [experiment for experiment in experiments if 2 * len(experiment) >= longest]
+    stretches = [liveliest_stretch(experiment, LONGEST, margin=0) for experiment in long_ones]
     largest = min(map(len, stretches)) // SHARE
     first = max(tested - MARGIN, 0) + 1
     if largest <= first:
         return None
-    of_levels = _costs(stretches, largest, differences=False)
-    of_differences = _costs(stretches, largest, differences=True)
-    for costs in (of_levels, of_differences):
+    of_levels = _Squares.of(stretches, largest, differences=False)
+    of_differences = _Squares.of(stretches, largest, differences=True)
+    moved = of_levels.needs_step_before()
+    levels, differences = of_levels.costs(moved=moved), of_differences.costs(moved=moved)
+    for costs in (levels, differences):
         if costs[:first].min() < costs[first:].min() + FAR_BETTER:
             return None
-    return first + int(np.argmin((of_levels + of_differences)[first:]))
+    return first + int(np.argmin((levels + differences)[first:]))
 
 
-def _costs(experiments: Sequence[IOData], largest: int, *, differences: bool) -> FloatArray:
-    """-2 log likelihood of the best model behind each delay from 0 to the largest one (largest + 1,)."""
-    inputs, outputs = [], []
-    for experiment in experiments:
-        u, y = experiment.u[:, 0] - experiment.u[0, 0], experiment.y[:, 0]
-        # the input before the record is another constant: at its first sample there is a step of any size
-        moving = np.column_stack((u, np.ones(len(u))))
-        inputs.append(np.diff(moving, axis=0, prepend=0.0) if differences else moving)
-        outputs.append(np.diff(y, prepend=y[0]) if differences else y - y.mean())
-    count = sum(map(len, outputs))
-    power = sum(float(y @ y) for y in outputs)
-    # of inputs held at their first values before the record, and of any others
-    least_held, least = np.full(largest + 1, power), np.full(largest + 1, power)
-    slowest = np.log2(max(largest, 2))
-    for constant in (0.0, *2.0 ** np.arange(np.ceil(slowest))):
-        pole = np.exp(-1.0 / constant) if constant else 0.0
-        responses = inputs
-        for _ in range(LAGS if pole else 1):
-            responses = [scipy.signal.lfilter([1.0 - pole], [1.0, -pole], x, axis=0) for x in responses]
-            held, stepping = _unexplained(responses, outputs, largest, constant=not differences)
-            least_held, least = np.minimum(least_held, held), np.minimum(least, stepping)
-    # rounding of what is explained altogether
-    floor = max(1e-20 * power, np.finfo(float).tiny)
-    of_held, of_others = (count * np.log(np.maximum(squares, floor)) for squares in (least_held, least))
-    return np.asarray(np.minimum(of_held, of_others + count * np.log(MOVED_BEFORE)))
+@dataclass(frozen=True, eq=False)
+class _Squares:
+    """Sums of squares that the best model behind each delay leaves of the outputs.
+
+    Attributes:
+        held: With inputs held at their first values before the record (largest + 1,).
+        stepping: With inputs that had any other value before it, likewise.
+        power: Of the outputs themselves.
+        count: Number of samples.
+    """
+
+    held: FloatArray
+    stepping: FloatArray
+    power: float
+    count: int
+
+    @staticmethod
+    def of(experiments: Sequence[IOData], largest: int, *, differences: bool) -> "_Squares":
+        """Of models with one lag or two equal ones, behind delays from 0 to the largest one."""
+        inputs, outputs = [], []
+        for experiment in experiments:
+            u, y = experiment.u[:, 0] - experiment.u[0, 0], experiment.y[:, 0]
+            # the input before the record is another constant: at its first sample there is a step of any size
+            moving = np.column_stack((u, np.ones(len(u))))
+            inputs.append(np.diff(moving, axis=0, prepend=0.0) if differences else moving)
+            outputs.append(np.diff(y, prepend=y[0]) if differences else y - y.mean())
+        power = sum(float(y @ y) for y in outputs)
+        least_held, least = np.full(largest + 1, power), np.full(largest + 1, power)
+        octaves = np.log2(max(largest, 2))
+        for constant in (0.0, *2.0 ** np.arange(0.0, np.ceil(octaves), STEP)):
+            pole = np.exp(-1.0 / constant) if constant else 0.0
+            responses = inputs
+            for _ in range(LAGS if pole else 1):
+                responses = [scipy.signal.lfilter([1.0 - pole], [1.0, -pole], x, axis=0) for x in responses]
+                held, stepping = _unexplained(responses, outputs, largest, constant=not differences)
+                least_held, least = np.minimum(least_held, held), np.minimum(least, stepping)
+        return _Squares(least_held, least, power, sum(map(len, outputs)))
+
+    def needs_step_before(self) -> bool:
+        """Whether inputs held before the record explain the outputs badly, and others far better."""
+        held, stepping = float(self.held.min()), float(self.stepping.min())
+        return held > BADLY * self.power and held > MOVED_BEFORE * stepping
+
+    def costs(self, *, moved: bool) -> FloatArray:
+        """-2 log likelihood behind each delay, with a step before the record or without."""
+        squares = self.stepping if moved else self.held
+        # rounding of what is explained altogether
+        floor = max(1e-20 * self.power, np.finfo(float).tiny)
+        return np.asarray(self.count * np.log(np.maximum(squares, floor)))
 
 
 def _unexplained(

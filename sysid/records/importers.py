@@ -102,7 +102,7 @@ def read_csv(
         outputs: Names of the output columns.
         time: Name of the column of times. None: `t`, `time`, `timestamp`, `Time (ms)`, `Zeit [ms]` ..., or the only
             other column that increases as steadily as a clock; with `dt`, one that does so by this interval.
-        time_unit: Unit of the times: s, ms, us, ns, min or h.
+        time_unit: Unit of the times: s, ms, us, ns, min, h or days.
         dt: Sampling interval, s. Required unless the file has times or a constant column `dt`; must agree with them
             otherwise, and samples whose stamps jitter are then taken for uniform ones, if none was lost.
         missing: Whether outputs may be missing: empty cells or `nan`. Rows without input then count as lost, up to

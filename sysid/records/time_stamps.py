@@ -22,7 +22,7 @@ SECONDS = {
     **dict.fromkeys(("ns", "nsec", "nanos", "nanosecond", "nanoseconds"), 1e-9),
     **dict.fromkeys(("min", "minute", "minutes"), 60.0),
     **dict.fromkeys(("h", "hour", "hours"), 3600.0),
-    **dict.fromkeys(("day", "days"), 86400.0),
+    **dict.fromkeys(("d", "day", "days"), 86400.0),
 }
 """Units of time, s."""
 
@@ -34,6 +34,8 @@ EPOCH = (9.4e8, 4.2e9)
 
 SPREADSHEET_DAYS = (36526.0, 73051.0)
 """Days since 1900 of the years 2000 to 2099, as spreadsheets count them."""
+
+ROUNDING = 1e-6  # of a mean step, relative to itself
 
 ROUNDED = 1e-2  # largest remainder of a multiple of the resolution: float64 rounds stamps of 1.7e9 s to 2.4e-7 s
 MOST_DIGITS = 4  # most digits of the smallest step; a finer resolution is not the reason why steps differ
@@ -125,7 +127,9 @@ def stamps(name: str, values: Column, unit: str | None, place: Place, file: str)
         raise SysidError(f"{file}: {len(values)} time(s) in column {name!r}, expected at least 2")
     unit = unit or _name_and_unit(name)[1]
     if unit and unit not in SECONDS:
-        raise SysidError(f"{file}: times of column {name!r} are in {shown(unit)}; expected s, ms, us, ns, min or h")
+        raise SysidError(
+            f"{file}: times of column {name!r} are in {shown(unit)}; expected s, ms, us, ns, min, h or days"
+        )
     remarks: tuple[str, ...] = ()
     if not unit:
         unit = _epoch_unit(float(values[0]))
@@ -216,15 +220,19 @@ def _counts_days(values: Column) -> bool:
     if values.dtype.kind != "f" or not SPREADSHEET_DAYS[0] <= float(values[0]) <= SPREADSHEET_DAYS[1]:
         return False
     elapsed = (values - values[0]).astype(np.float64)
-    if len(elapsed) < 2 or not (np.diff(elapsed) > 0.0).all():
+    steps = np.diff(elapsed)
+    if len(steps) < 2 or not (steps > 0.0).all():
         return False
-    if np.abs(1e3 * elapsed - np.rint(1e3 * elapsed)).max() < ROUNDED:
-        # whole milliseconds, if they were seconds
-        return False
-    seconds = elapsed * DAY
-    # nine decimals of a day are 0.1 ms
-    milliseconds = np.rint(1e3 * seconds)
-    return bool(np.abs(seconds - 1e-3 * milliseconds).max() < 2e-4 and (milliseconds % 10.0 == 0.0).all())
+    # of rounded or jittering stamps the mean step is known far better than any one
+    mean = float(elapsed[-1]) / len(steps)
+    error = float(np.abs(steps - mean).max()) / len(steps)
+    return _is_round(mean * DAY, error * DAY) and not _is_round(mean, error)
+
+
+def _is_round(value: float, error: float) -> bool:
+    """Whether a positive number may be one of two significant digits, given its error."""
+    nearest = float(f"{value:.1e}")
+    return abs(value - nearest) <= error + ROUNDING * value
 
 
 def is_time(name: str) -> bool:

@@ -13,6 +13,7 @@ import numpy as np
 from sysid.frequency.delayest import AMBIGUOUS, DelayEstimate, IntArray, delayest
 from sysid.frequency.far_delay import far_delay
 from sysid.models.estimate import Estimate
+from sysid.models.predict import predict
 from sysid.polynomial import armax, arx, bj, oe
 from sysid.polynomial.orders import NO_TREND
 from sysid.polynomial.trends import LINE, OFFSET, best_degree, level
@@ -58,6 +59,9 @@ SAME_SAMPLE = (
     "the output depends on the input of the same sample, by a direct term or by feedback through a controller that "
     "computes the input from that output: a direct term is tried only where it is asked for (direct=True, --direct)"
 )
+
+WORSE_IN_SIMULATION = 1.2
+"""Ratio of simulation errors from which on a model behind a long delay is none beside another one."""
 
 HELD = 0.5
 """Share of the samples whose output differs from the one before but whose input does not, from which on no controller
@@ -351,6 +355,10 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
     if paths_alone:
         search.methods = ("oe", "bj")
     search.climb_structures(delays, shortest, is_far=far is not None)
+    if near is not None and _simulates_worse(search, largest_near=2 * search.largest):
+        # a resonance resembles a long delay beside a disturbance: what simulates better stays
+        search.candidates = [one for one in search.candidates if _delay_of(one) <= 2 * search.largest]
+        near, estimate, delays = None, near, _delays(near, experiments[0].nu)
     if sum(map(len, search.experiments)) < sum(map(len, experiments)):
         whole = StructureSearch(
             experiments, search.validation, search.largest, search.methods, search.trends, refines=search.refines
@@ -626,6 +634,32 @@ def _estimated_delays(experiments: Experiments, largest: int) -> DelayEstimate |
         return delayest(complete_parts(experiments), largest=2 * largest)
     except SysidError:
         return None
+
+
+def _delay_of(candidate: Candidate) -> int:
+    """Delay of the first input of a candidate, samples."""
+    return int(np.ravel(candidate.orders.get("nk", 0))[0])
+
+
+def _simulates_worse(search: StructureSearch, *, largest_near: int) -> bool:
+    """Whether the best candidate has a delay beyond a largest one and simulates worse than the best one up to it."""
+    ranked = search.ranked()
+    near = next((one for one in ranked if _delay_of(one) <= largest_near), None)
+    if near is None or _delay_of(ranked[0]) <= largest_near:
+        return False
+    errors = [_simulation_error(search, one) for one in (ranked[0], near)]
+    return errors[0] > WORSE_IN_SIMULATION * errors[1]
+
+
+def _simulation_error(search: StructureSearch, candidate: Candidate) -> float:
+    """Sum of squares that the path from the input leaves of the outputs; infinite if it cannot be simulated."""
+    path = search.input_path_of(candidate)
+    if path is None or not path.is_stable():
+        return np.inf
+    total = 0.0
+    for part in complete_parts(search.without_trends(search.experiments, candidate)):
+        total += float(np.sum((part.y - predict(path, part, steps=None)) ** 2))
+    return total
 
 
 def _estimated_far_delay(experiments: Experiments, largest: int) -> DelayEstimate | None:

@@ -263,6 +263,9 @@ class StructureSearch:
             rungs.insert(0, (delays, OFFSET))
         for nk, trend in rungs:
             limit = min(map(self.criterion, self.candidates), default=np.inf) + FAR
+            if is_far:
+                # what is far better behind one delay may be far worse behind the other: all methods climb from both
+                limit = np.inf
             best_by_method = {name: min(self._criteria([name]), default=limit) for name in ORDERS}
             for name, best in best_by_method.items():
                 # a delay that is far too long leaves no method near a true model of low order: that one is tried anyway

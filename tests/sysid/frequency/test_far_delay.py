@@ -45,6 +45,26 @@ def test_nothing_is_seen_where_the_tested_delays_explain_as_much():
     assert far_delay([short], TESTED) is None
 
 
+def test_a_short_part_hides_no_long_delay():
+    whole = record("levels", 60)
+    assert far_delay([whole[:5], whole[6:], whole[:90]], TESTED) == pytest.approx(60, abs=2)
+
+
+def test_a_resonance_that_resembles_a_long_delay_is_chosen_as_a_resonance():
+    """Damping 0.01, a period of 100 samples: an arx of order 10 behind 319 samples had the gain 0.74."""
+    rng = np.random.default_rng(3)
+    pole = np.exp(2.0j * np.pi / 100.0 * np.sqrt(1.0 - 1e-4) - 0.02 * np.pi / 100.0)
+    F = np.poly([pole, pole.conj()]).real
+    u = np.repeat(rng.choice([-1.0, 1.0], 100), 20)
+    y = lfilter([0.0, 0.5 * F.sum(), 0.5 * F.sum()], F, u)
+    data = IOData(u, y + 0.1 * y.std() * rng.standard_normal(2000), 0.01)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        choice = auto(data.detrend())
+    assert choice.estimate.dc_gain()[0, 0] == pytest.approx(1.0, rel=0.1)
+    assert choice.candidates[0].orders["nk"] <= TESTED
+
+
 def test_delayest_says_that_it_does_not_look_far_enough():
     with pytest.warns(SysidWarning, match="a delay of about 60 samples explains y1 far better than those up to"):
         delayest(record("levels", 60))

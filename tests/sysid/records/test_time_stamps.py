@@ -52,7 +52,7 @@ def test_times_of_any_name_and_unit(tmp_path, recwarn, name, times, options, rem
         ("t", [*range(N - 1), 3], {}, r"line 41: time 3 in column 't' is not after 38 in line 40 \(1 such steps\)"),
         ("t", [*range(N - 1), ""], {}, "log.csv, line 41: no time in column 't'"),
         ("clk", range(0, 2 * N, 2), {"time": "clock"}, "no column of times 'clock'; there are clk, u, y"),
-        ("clk", range(N), {"time": "clk", "time_unit": "weeks"}, "in 'weeks'; expected s, ms, us, ns, min or h"),
+        ("clk", range(N), {"time": "clk", "time_unit": "weeks"}, "in 'weeks'; expected s, ms, us, ns, min, h or days"),
         ("clk", range(N), {}, "no sampling interval; .*; the file has clk"),
         ("Zeit [ms]", range(0, 20 * N, 20), {"dt": 0.01}, "interval 0.01 s by dt as given, 0.02 s by 'Zeit .ms.'"),
         ("Time (ms)", ["59:45.0"] * N, {}, "'Time .ms.' holds '59:45.0.*: write numbers, as ms"),
@@ -188,16 +188,19 @@ def test_a_clock_may_be_named_by_its_unit(tmp_path):
     assert read_csv(path).dt == pytest.approx(0.02)
 
 
-@pytest.mark.parametrize("step", [60.0, 0.5, 3600.0])
-def test_days_of_a_spreadsheet_are_taken_for_days_and_said(tmp_path, step):
+@pytest.mark.parametrize(
+    ("step", "decimals"), [(60.0, 9), (0.5, 9), (3600.0, 9), (60.0, 5), (1.0, 6), (0.1, 8), (30.0, 10)]
+)
+def test_days_of_a_spreadsheet_are_taken_for_days_and_said(tmp_path, step, decimals):
     path = tmp_path / "sheet.csv"
-    path.write_text("Time,u,y\n" + "".join(f"{44197 + k * step / 86400:.9f},{k % 3},{k % 5}\n" for k in range(N)))
+    lines = [f"{44197 + k * step / 86400:.{decimals}f},{k % 3},{k % 5}\n" for k in range(20 * N)]
+    path.write_text("Time,u,y\n" + "".join(lines))
     with pytest.warns(SysidWarning, match="taken for days since 1900, as spreadsheets have them"):
         record = read_csv(path)
     assert record.dt == pytest.approx(step, rel=1e-3)
 
 
-@pytest.mark.parametrize("step", [0.02, 0.001, 0.5])
+@pytest.mark.parametrize("step", [0.02, 0.001, 0.5, 0.0025, 0.0001])
 def test_seconds_of_that_size_stay_seconds(tmp_path, step):
     path = tmp_path / "uptime.csv"
     path.write_text("Time,u,y\n" + "".join(f"{44197 + k * step:.6f},{k % 3},{k % 5}\n" for k in range(N)))
