@@ -15,6 +15,7 @@ from scenarios.identification.identification import Identification, identify
 from scenarios.identification.methods import ESTIMATORS
 from sysid import IOData, StructureChoice, SysidError
 from sysid.models.continuous_estimate import sampled_poles
+from sysid.models.predict import predict
 from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means
 from sysid.records.arrays import FloatArray
@@ -46,6 +47,10 @@ LEAST_SEGMENT, MOST_SEGMENT = 32, 1024
 
 SHORTEST = 400
 """Samples of the longest record from which on a part is held out; fewer are needed for the choice."""
+
+
+FAR_WORSE = 2.0
+"""Ratio of the sums of squared simulation errors from which on another model is far better."""
 
 
 def choose_and_identify(
@@ -178,9 +183,31 @@ def _beside_discrete(choice: StructureChoice, beside: StructureChoice, records: 
         elif ratio > 1.0 + CLOSE:
             listed = ", ".join(f"{gain:.4g}" for gain in np.ravel(others))
             objection = f"{best}, chosen among discrete models, has a gain at 0 Hz of {listed}: methods disagree"
+        elif _simulates_far_worse(estimate, beside.estimate, records):
+            objection = f"{best}, chosen among discrete models, simulates far better: the method lacks its structure"
     if not objection:
         return choice
     return replace(choice, cautions=(*choice.cautions, objection), slower=beside.slower)
+
+
+def _simulates_far_worse(estimate: sysid.Estimate, other: sysid.Estimate, records: Sequence[IOData]) -> bool:
+    """Whether a model leaves far more of the outputs in simulation than another; not if one of them integrates."""
+    paths = estimate.model.input_path(), other.model.input_path()
+    if not all(path.is_stable() for path in paths):
+        return False
+    errors = [_simulation_error(path, records) for path in paths]
+    return errors[0] > FAR_WORSE * errors[1]
+
+
+def _simulation_error(path: sysid.StateSpace, records: Sequence[IOData]) -> float:
+    """Sum of squares that a path from the input leaves of the outputs, beside a line in each."""
+    total = 0.0
+    for record in records:
+        for part in record.complete_parts():
+            errors = part.y - predict(path, part, steps=None)
+            # constants and drifts are the operating point's
+            total += float(np.sum(scipy.signal.detrend(errors, axis=0) ** 2))
+    return total
 
 
 def _chosen(choice: StructureChoice) -> tuple[str, list[Any]]:

@@ -176,6 +176,14 @@ def test_a_direct_term_from_an_input_that_is_held_is_chosen():
     assert result.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.01)
 
 
+def test_a_method_without_the_structure_is_not_sufficient_where_another_simulates_far_better():
+    """The choice of tfest has no direct term."""
+    rng = np.random.default_rng(1)
+    result = identified(lead_lag(np.repeat(rng.uniform(-1.0, 1.0, 67), 30)[:2000], 0.01, rng), "tfest")
+    assert not verdict(result).startswith("sufficient")
+    assert any("simulates far better" in caution for caution in result.cautions)
+
+
 def test_beside_an_input_of_noise_the_verdict_names_the_option_for_a_direct_term():
     rng = np.random.default_rng(1)
     record = lead_lag(rng.standard_normal(2000), 0.01, rng)
