@@ -107,8 +107,8 @@ def identify(
         output: Names of the output columns, likewise.
         dt: Sampling interval of a table without one, s. A column t, time or Time (s), or a variable dt or Ts, gives it.
         time: Name of the column of times, when it is not t, time, stamp or the like.
-        time_unit: Unit of the times: s, ms, us, ns, min, h or days; by the name, or the size of times, when not
-            given.
+        time_unit: Unit of the times: s, ms, us, ns, min, h or days; by the name, or the size of times since 1970, when
+            not given.
         test: Which test of a 1553 record, by name or number.
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete. Gaps of the times still cut.
         skip: Leave out this much of the start, s.

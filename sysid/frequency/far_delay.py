@@ -92,7 +92,7 @@ class _Squares:
 
     @staticmethod
     def of(experiments: Sequence[IOData], largest: int, *, differences: bool) -> "_Squares":
-        """Of models with one lag or two equal ones, behind delays from 0 to the largest one."""
+        """Fit models with one lag, or two equal ones, behind every delay up to the largest; the best of each counts."""
         inputs, outputs = [], []
         for experiment in experiments:
             u, y = experiment.u[:, 0] - experiment.u[0, 0], experiment.y[:, 0]
@@ -128,9 +128,9 @@ class _Squares:
 def _unexplained(
     responses: Sequence[FloatArray], outputs: Sequence[FloatArray], largest: int, *, constant: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Sums of squares of the outputs (N,) beside the responses (N, 2), delayed by 0 to `largest` samples.
+    """Sums of squares that responses (N, 2), delayed by 0 to `largest` samples, leave of the outputs (N,).
 
-    First beside multiples of the first response alone, then of both.
+    First multiples of the first response alone, then of both.
     """
     products, gram = np.zeros((largest + 1, 2)), np.zeros((largest + 1, 2, 2))
     for x, y in zip(responses, outputs, strict=True):

@@ -321,7 +321,7 @@ class Climb:
         """With the estimate of the delay that the best candidate has, where there are two of them."""
         if self.near is None or self.estimate_of_delays is None:
             return self
-        nk = int(np.ravel(best.orders.get("nk", 0))[0])
+        nk = _delay_of(best)
         far, near = (int(estimate.arx[0, 0]) for estimate in (self.estimate_of_delays, self.near))
         if abs(nk - far) <= abs(nk - near):
             return self

@@ -39,7 +39,7 @@ LONGEST = 10_000
 
 @dataclass(frozen=True)
 class SlowResponse:
-    """What the simulation errors of one path tell of a slow part.
+    """Test of one path for a slow part of the response: evidence, gain, and the gain that the errors could hide.
 
     Attributes:
         output: Number of the output.
@@ -153,14 +153,15 @@ def _one_lag(
     inputs: Sequence[FloatArray], constant: float, beside: FloatArray, target: FloatArray
 ) -> tuple[float, float]:
     """Gain of one lag and its standard deviation, beside past errors, constants and lines (rows, LAGS + 2 a record)."""
-    colour = np.concatenate(([1.0], -solve(beside, target).solution[:LAGS, 0]))
+    without = solve(beside, target).solution
+    colour = np.concatenate(([1.0], -without[:LAGS, 0]))
     slow = []
     for u in inputs:
         # the innovation is the error filtered by its colour, and so is what the input adds to it
         slow.append(scipy.signal.lfilter(colour, [1.0], _behind_lag(u, constant))[LAGS:])
     column = np.concatenate(slow)[:, None]
     column = column - beside @ solve(beside, column).solution
-    rest = target - beside @ solve(beside, target).solution
+    rest = target - beside @ without
     energy = float(np.sum(column**2))
     if not energy > 0.0:
         return 0.0, 0.0
