@@ -31,6 +31,8 @@ def compare(
     missing: bool = False,
     skip: float = 0.0,
     keep_mean: bool = False,
+    offset: bool = False,
+    trend: bool = False,
     steps: int = 1,
     piece: Annotated[tuple[float, float] | None, tyro.conf.arg(metavar="START LENGTH")] = None,
     out: Annotated[Path | None, tyro.conf.arg(metavar="FIGURE")] = None,
@@ -53,7 +55,8 @@ def compare(
     does not (OE) predicts no better than it simulates. Without --estimation, models are fitted to the record itself,
     which they then fit better than any other; a warning says so, also of a model file that was identified from DATA.
     Warnings of the fit of a model file are repeated. Every model is judged about its own operating point, with its
-    initial state fitted. Files are read as by hmtb identify.
+    initial state fitted; integrators, and models that were identified beside a straight line in the output, also
+    beside such a line. Files are read as by hmtb identify.
 
       hmtb compare siso-8-elbow_pitch.nc --estimation siso-5-elbow_pitch.nc --models truth published oe:2/2/2 okid:2
       hmtb compare rpcm.nc --joint shoulder_yaw shoulder_pitch elbow_pitch --models published:sysid published:okid
@@ -74,6 +77,8 @@ def compare(
         missing: Outputs may be missing, as NaN or empty cells; inputs must be complete. Gaps of the times still cut.
         skip: Leave out this much of the start of every record, s.
         keep_mean: Use the values as they are, without an operating point.
+        offset: Identify models with a constant of the output, as hmtb identify --offset.
+        trend: Identify models with a straight line in the output, a drift, and judge all others beside one too.
         steps: Horizon of a further prediction, samples.
         piece: Start and length of the part of the record that the figure shows, s; 5 s from the middle when not given.
         out: One figure of the outputs and errors (.svg, .png or .pdf).
@@ -84,6 +89,7 @@ def compare(
 
     from scenarios.files.data_file import joints_of, read_parts
     from scenarios.identification.comparison_figures import outputs_figure
+    from scenarios.identification.identification import trend_options
     from scenarios.identification.model_comparison import compare_models
     from scenarios.identification.named_models import parse_model_name
     from sysid.validation.cross_validation import same_samples
@@ -100,6 +106,7 @@ def compare(
         raise ScenarioError("--estimation given, but no model that is identified; name one, as oe:2/2/1")
     if len(set(joint)) < len(joint):
         raise ScenarioError(f"--joint {' '.join(joint)} given, expected each joint once")
+    own_trend = trend_options(offset=offset, trend=trend, keep_mean=keep_mean)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", UserWarning)
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
@@ -116,6 +123,7 @@ def compare(
             estimation_path=estimation,
             skip=skip,
             keep_mean=keep_mean,
+            trend=own_trend,
             steps=steps,
             test=test,
         )

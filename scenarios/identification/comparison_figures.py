@@ -140,7 +140,7 @@ def _styles_by_kind(models: Sequence[JudgedModel]) -> list[Style]:
 def _simulated_trace(model: JudgedModel, experiment: int, style: Style, label: str) -> Trace:
     """Simulated outputs of a model in one of the experiments that judge it, about the means of the record."""
     fit = model.fit.by_experiment[experiment] if model.fit.by_experiment else model.fit
-    return Trace(label, fit.simulated + model.level, style)
+    return Trace(label, fit.simulated + model.trends[experiment], style)
 
 
 def _percents(model: JudgedModel) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from scenarios.files.data_file import Names, joints_of, read_parts
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.identification import Identification, identify, usable
+from scenarios.identification.identification import Identification, identify, trend_options, usable
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.order_choice import HELD_OUT, SHORTEST, choose_and_identify, hold_out
 from sysid import IOData, StructureChoice
@@ -154,11 +154,7 @@ def identify_files(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     if held_out is not None and validate is not None:
         raise ScenarioError("--held-out and --validate given; expected one: what judges the model")
-    if keep_mean and (offset or trend):
-        raise ScenarioError(
-            f"--keep-mean and {'--trend' if trend else '--offset'} given; expected one: the values as they are, or "
-            "about an operating point"
-        )
+    asked = trend_options(offset=offset, trend=trend, keep_mean=keep_mean)
     if direct and orders:
         raise ScenarioError(f"--direct and --orders {' '.join(map(str, orders))} given; nk = 0 is the direct term")
     degrees = _checked_weighting(weighting, orders)
@@ -188,7 +184,6 @@ def identify_files(
         choice: StructureChoice | None = None
         # Without orders, the method alone limits the choice.
         if orders and method is not None:
-            asked = {name: True for name, is_asked in (("offset", offset), ("trend", trend)) if is_asked}
             result = identify(
                 records,
                 method,

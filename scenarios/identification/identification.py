@@ -377,6 +377,20 @@ def _operating_point_options(
     return keep_mean, trend
 
 
+def trend_options(*, offset: bool, trend: bool, keep_mean: bool) -> dict[str, bool]:
+    """Options of an estimator for a constant or a straight line in the output that is asked for.
+
+    Raises:
+        ScenarioError: Values as they are, `keep_mean`, are asked for too.
+    """
+    if keep_mean and (offset or trend):
+        raise ScenarioError(
+            f"--keep-mean and {'--trend' if trend else '--offset'} given; expected one: the values as they are, or "
+            "about an operating point"
+        )
+    return {name: True for name, is_asked in (("offset", offset), ("trend", trend)) if is_asked}
+
+
 def _check_trend(method: str, trend: Mapping[str, bool]) -> None:
     """Refuse options for a trend that the estimator does not have."""
     if method not in ESTIMATORS:

@@ -1,6 +1,7 @@
 """Comparison of models of any origin on one record: the truth, printed models, estimates, and model files."""
 
-from collections.abc import Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,7 +18,13 @@ from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.model_forms import as_model
 from sysid.models.predict import aligned, channels_in
 from sysid.models.static_gain import gain_told_by
-from sysid.polynomial.fit_with_offset import subtract_means, unexplained_offset
+from sysid.polynomial.fit_with_offset import subtract_means, unexplained_lines, unexplained_offset
+from sysid.validation.compare import OWN_DATA, is_training
+
+BESIDE_LINE = "judged beside a straight line in the output"
+
+INTEGRATES = 1e-9
+"""Distance of a pole from one, up to which it integrates."""
 
 LOW = 0.1
 """Frequency, Hz, below which three decimals are too few."""
@@ -32,7 +39,8 @@ class JudgedModel:
         kind: `truth`, `published`, `file` or the method of an estimator.
         model: The model.
         fit: Its fits, about its own operating point.
-        level: Constant on every output between the mean and that operating point (ny,).
+        trends: What every output of each record has about its mean beside the model: a constant or a straight line
+            (N_i, ny).
         bandwidth_hz: Bandwidth of every path (ny, nu), Hz; NaN where there is none, or none that can be claimed.
         ci95: Ends of their 95 % intervals (ny, nu, 2), Hz; NaN where they are not known.
         remarks: Remarks on the model.
@@ -43,7 +51,7 @@ class JudgedModel:
     kind: str
     model: StateSpace
     fit: ModelFit
-    level: NDArray[np.float64]
+    trends: tuple[NDArray[np.float64], ...]
     bandwidth_hz: NDArray[np.float64]
     ci95: NDArray[np.float64]
     remarks: tuple[str, ...]
@@ -53,6 +61,11 @@ class JudgedModel:
     def item(self) -> Estimate | StateSpace:
         """The estimate, drawn with its intervals in figures of responses and poles, or a model without intervals."""
         return self.model.input_path() if self.identification is None else self.identification.fitted.estimate
+
+    @property
+    def level(self) -> NDArray[np.float64]:
+        """Constant on every output between the mean and the operating point of the model (ny,)."""
+        return np.asarray(np.concatenate(self.trends).mean(axis=0))
 
     def bandwidth_cells(self, output: int, input: int) -> tuple[str, str]:
         """Return bandwidth and 95 % interval of a path as texts; a dash or nothing where there is none."""
@@ -109,6 +122,7 @@ def compare_models(
     estimation_path: Path | None = None,
     skip: float = 0.0,
     keep_mean: bool = False,
+    trend: Mapping[str, bool] | None = None,
     steps: int = 1,
     test: str | None = None,
 ) -> tuple[tuple[IOData, ...], tuple[JudgedModel, ...]]:
@@ -122,6 +136,8 @@ def compare_models(
         estimation_path: Their file.
         skip: Length of the start that is left out of both, s.
         keep_mean: Whether models are of the values as they are, without an operating point.
+        trend: Options of estimators for a constant or a straight line in the output, as in `identify`; models that are
+            known beforehand are judged beside a line too.
         steps: Horizon of the further prediction, samples.
         test: Which test of the file, for messages.
 
@@ -138,11 +154,14 @@ def compare_models(
     for name in names:
         if name.is_estimated:
             source = usable(estimation or records, skip, estimation_path or path, test)
-            result = identify(source, name.kind, name.orders, keep_mean=keep_mean, steps=steps, check=judging)
+            result = identify(
+                source, name.kind, name.orders, keep_mean=keep_mean, trend=trend, steps=steps, check=judging
+            )
             models.append(judged_identification(result, about_means))
         else:
             for known in known_models(name, judging[0], path):
-                models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, steps=steps))
+                line = bool(trend and trend.get("trend"))
+                models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, line=line, steps=steps))
     return about_means, tuple(models)
 
 
@@ -164,7 +183,7 @@ def judged_identification(result: Identification, about_means: Sequence[IOData])
         kind=method,
         model=fitted.estimate.model,
         fit=replace(result.fit, name=label),
-        level=np.nanmean(np.concatenate(differences), axis=0),
+        trends=tuple(map(_without_gaps, differences)),
         bandwidth_hz=claims[..., 0],
         ci95=claims[..., 1:],
         remarks=result.warnings,
@@ -179,18 +198,39 @@ def records_about_means(result: Identification) -> Sequence[IOData]:
     return subtract_means([record.retrend() for record in result.checked])
 
 
+def _without_gaps(line: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A constant or a straight line of every output (N, ny) at missing samples too."""
+    samples = np.arange(len(line))
+    filled = np.empty_like(line)
+    for i, column in enumerate(line.T):
+        known = np.flatnonzero(np.isfinite(column))
+        first, last = known[0], known[-1]
+        slope = (column[last] - column[first]) / max(last - first, 1)
+        filled[:, i] = column[first] + slope * (samples - first)
+    return filled
+
+
 def _judged_known(
-    known: KnownModel, kind: str, about_means: Sequence[IOData], *, keep_mean: bool, steps: int
+    known: KnownModel, kind: str, about_means: Sequence[IOData], *, keep_mean: bool, line: bool, steps: int
 ) -> JudgedModel:
     """Judge a model that needs no estimation about the operating point that the record and its dynamics tell."""
     record, model = about_means[0], as_model(known.model)
+    why = _why_beside_a_line(known.model, asked=line)
     if keep_mean:
-        level, checked = np.zeros(model.ny), about_means
+        trends = tuple(np.zeros_like(part.y) for part in about_means)
+    elif why:
+        trends = unexplained_lines(model, about_means)
     else:
         level = unexplained_offset(model, about_means)[0]
-        checked = tuple(record.subtract(y=level) for record in about_means)
+        trends = tuple(np.broadcast_to(level, part.y.shape) for part in about_means)
+    checked = tuple(part.subtract(y=trend) for part, trend in zip(about_means, trends, strict=True))
+    remarks = known.remarks if keep_mean or not why else (*known.remarks, why)
     # An estimate knows the record that it is from, of which its matrices alone tell nothing.
     (fit,) = sysid.compare({known.label: known.model}, checked, steps=steps)
+    if not fit.is_training and is_training(known.model, about_means):
+        # without their lines the records are others
+        fit = replace(fit, is_training=True)
+        warnings.warn(f"{known.label}: {OWN_DATA}, so that the fit is no validation", sysid.SysidWarning, stacklevel=2)
     hz = model.bandwidth()
     ci95 = np.full((*hz.shape, 2), np.nan)
     # A saved estimate has the covariance that intervals need; a matrix that is printed has none.
@@ -200,7 +240,28 @@ def _judged_known(
     # Channels in the sequence of the record's, which may be another one.
     inputs, outputs = channels_in(model, record)
     paths = np.ix_(outputs, inputs)
-    return JudgedModel(known.label, kind, aligned(model, record), fit, level, hz[paths], ci95[paths], known.remarks)
+    return JudgedModel(
+        label=known.label,
+        kind=kind,
+        model=aligned(model, record),
+        fit=fit,
+        trends=trends,
+        bandwidth_hz=hz[paths],
+        ci95=ci95[paths],
+        remarks=remarks,
+    )
+
+
+def _why_beside_a_line(model: Estimate | StateSpace, *, asked: bool) -> str:
+    """Why a known model is judged beside a straight line of the record's own, in words; empty if it is not."""
+    if asked:
+        return BESIDE_LINE
+    if isinstance(model, Estimate) and "slopes" in model.diagnostics:
+        return f"{BESIDE_LINE}, as it was identified"
+    poles = as_model(model).input_path().poles()
+    if (np.abs(poles - 1.0) < INTEGRATES).any():
+        return f"{BESIDE_LINE}: it integrates, and the operating point of its input is not known"
+    return ""
 
 
 def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], title: str) -> ResultTable:

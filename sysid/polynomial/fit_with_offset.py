@@ -146,6 +146,45 @@ def unexplained_offset(
     return offset, total, total - float(moment @ offset)
 
 
+def unexplained_lines(model: StateSpace, parts: Sequence[IOData]) -> tuple[FloatArray, ...]:
+    """Straight line in every output of each part (N_i, ny) that explains most of its one-step errors.
+
+    Initial states are free. Lines of a predictor that diverges are zero.
+    """
+    return tuple(_unexplained_line(model, part) for part in parts)
+
+
+def _unexplained_line(model: StateSpace, record: IOData) -> FloatArray:
+    """Straight line in every output (N, ny) of one record."""
+    samples, order, ny = len(record), model.order, model.ny
+    rise = np.linspace(-1.0, 1.0, samples)
+    at_rest = replace(record, u=np.zeros_like(record.u), y=np.where(record.known, 0.0, np.nan))
+    counted = record.known.copy()
+    counted[: record.window] = False
+    columns = []
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore", SysidWarning)
+        for state in np.eye(order):
+            columns.append(residuals(model, at_rest, x0=state))
+        for i in range(ny):
+            for shape in (np.ones(samples), rise):
+                line = np.zeros((samples, ny))
+                line[:, i] = shape
+                columns.append(residuals(model, replace(at_rest, y=at_rest.y + line), x0=np.zeros(order)))
+        errors = residuals(model, record, x0=np.zeros(order))
+    table = np.stack([column[counted] for column in columns], axis=1)
+    if not np.isfinite(table).all() or not np.isfinite(errors[counted]).all():
+        return np.zeros((samples, ny))
+    if np.abs(table).max(initial=0.0) > ENDLESS * samples:
+        return np.zeros((samples, ny))
+    # scaled: states of other units than the outputs would pass for rounding
+    sizes = np.linalg.norm(table, axis=0)
+    sizes[sizes <= DIED_OUT] = np.inf
+    solution = np.linalg.lstsq(table / sizes, errors[counted], rcond=SINGULAR)[0] / sizes
+    constants, slopes = solution[order::2], solution[order + 1 :: 2]
+    return np.asarray(constants + rise[:, None] * slopes)
+
+
 def _error_table(model: StateSpace, record: IOData, errors: FloatArray | None) -> FloatArray | None:
     """One-step errors by a unit of each initial state and each offset, and those of the record, as columns.
 

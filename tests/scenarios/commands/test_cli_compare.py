@@ -224,3 +224,54 @@ def test_a_slow_plant_has_its_digits_and_an_integrator_no_gain(capsys, tmp_path)
         row = next(line for line in table.splitlines() if line.strip().startswith("OE"))
         # 1 / (2 pi 300 s) = 0.000531 Hz
         assert "0.00053" in row if name == "heater" else row.count("—") >= 2
+
+
+def drifting(rng, samples, noise):
+    """A held command of two levels, and the outputs of a lag and of a motor, which has that lag for its speed."""
+    u = np.repeat(rng.choice([-0.5, 0.5], samples // 20), 20)
+    speed = lfilter([0.0, 0.2], [1.0, -0.8], u)
+    outputs = []
+    for clean in (1.5 * speed + 0.005 * np.arange(samples), 0.1 * np.cumsum(speed) + 0.7):
+        outputs.append(clean + noise * clean.std() * rng.standard_normal(samples))
+    return u, *outputs
+
+
+def logged(path, u, y):
+    """The table of a command and an output every 0.02 s."""
+    return table(path, {"t": 0.02 * np.arange(len(u)), "u": u, "y": y})
+
+
+def test_a_model_beside_a_line_is_judged_beside_one(result, printed, tmp_path):
+    """The command that `hmtb identify --trend` prints showed 30 % for a model of 97 %."""
+    u, y, _ = drifting(np.random.default_rng(1), 1200, 0.02)
+    path, model = logged(tmp_path / "drift.csv", u, y), tmp_path / "drift.json"
+    words = printed("identify", path, "--method", "oe", "--orders", 1, 1, 1, "--trend", "--save", model)
+    assert f"next: hmtb compare {path} --models {model} --trend" in words
+    compared = result("compare", path, "--models", model, "oe:1/1/1")["models"]
+    beside_line, without = (entry["fit"]["simulation"][0] for entry in compared)
+    assert beside_line > 93.0
+    assert without < 70.0
+    assert "judged beside a straight line in the output, as it was identified" in compared[0]["remarks"]
+    with_option = result("compare", path, "--models", model, "oe:1/1/1", "--trend")["models"]
+    assert with_option[1]["fit"]["simulation"][0] == pytest.approx(beside_line, abs=1e-6)
+    assert with_option[0]["fit"]["simulation"][0] == pytest.approx(beside_line, abs=1e-6)
+
+
+def test_an_integrator_has_no_operating_point_of_its_input(result, tmp_path):
+    """The mean of the input, removed, put a ramp into the output: 60 % for a model of 99.9 %."""
+    u, _, y = drifting(np.random.default_rng(2), 1200, 0.001)
+    path, model = logged(tmp_path / "motor.csv", u + 0.05, y + 0.005 * np.arange(1200)), tmp_path / "motor.json"
+    identified = result("identify", path, "--method", "procest", "--orders", "P1DI", "--save", model)
+    compared = result("compare", path, "--models", model)
+    # the same errors, relative to the output without its line
+    assert compared["models"][0]["fit"]["simulation"][0] == pytest.approx(identified["fit"]["simulation"][0], abs=0.2)
+    assert any("it integrates" in remark for remark in compared["models"][0]["remarks"])
+    assert any("estimated from this record" in warning for warning in compared["warnings"])
+
+
+def test_a_line_and_values_as_they_are_exclude_each_other(complaint, tmp_path):
+    u, y, _ = drifting(np.random.default_rng(3), 400, 0.02)
+    path = logged(tmp_path / "drift.csv", u, y)
+    words = ("compare", path, "--models", "oe:1/1/1", "--keep-mean", "--trend")
+    assert "--keep-mean and --trend given" in complaint(*words)
+    assert "n4sid has no trend" in complaint("compare", path, "--models", "n4sid:2", "--trend")
