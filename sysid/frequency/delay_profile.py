@@ -55,11 +55,15 @@ class DelayProfile:
         delay: That of the model of least BIC; -1 if the input explains nothing.
         interval: Least and largest delay that the likelihood does not reject; -1 if the input explains nothing.
         poles: Most poles of the models with these two delays that it does not reject.
+        variance: Mean square of the one-step errors of the model of least BIC.
+        samples: Number of these errors.
     """
 
     delay: int
     interval: tuple[int, int]
     poles: tuple[int, int]
+    variance: float
+    samples: int
 
 
 def delay_profile(experiments: Sequence[IOData], largest: int, level: float) -> DelayProfile:
@@ -371,7 +375,7 @@ class ProfileSearch:
         """The best delay, and those that the likelihood does not reject."""
         criterion, best = self._lowest
         if criterion >= self.without_input():
-            return DelayProfile(-1, (-1, -1), (0, 0))
+            return DelayProfile(-1, (-1, -1), (0, 0), self.power, self.errors)
         delay = best[2]
         poles_by_delay = {delay: best[0]}
         limit = self.deviance(best) + self._rejection
@@ -380,7 +384,13 @@ class ProfileSearch:
             if self.deviance(key) <= limit and not self._begins_with_nothing(key, delay):
                 poles_by_delay[nk] = max(poles, poles_by_delay.get(nk, 0))
         shortest, longest = min(poles_by_delay), max(poles_by_delay)
-        return DelayProfile(delay, (shortest, longest), (poles_by_delay[shortest], poles_by_delay[longest]))
+        return DelayProfile(
+            delay=delay,
+            interval=(shortest, longest),
+            poles=(poles_by_delay[shortest], poles_by_delay[longest]),
+            variance=self.fits[best].cost / self.errors,
+            samples=self.errors,
+        )
 
     def _begins_with_nothing(self, key: Structure, delay: int) -> bool:
         """Whether a model with a shorter delay than the best shows that no response comes before that one.

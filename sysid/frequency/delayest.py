@@ -25,6 +25,7 @@ IntArray = NDArray[np.int_]
 INTERVAL = 0.95  # level of the intervals of delays
 AMBIGUOUS = 3  # samples between the ends of an interval from which on a warning says what would tell
 EXACT = 1e-20  # sum of squared errors of the ARX model, relative to that of the output, that is rounding
+TINY = np.finfo(float).tiny
 FEEDBACK = 1e-4  # p-value below which feedback is certain enough for a warning
 
 
@@ -40,8 +41,8 @@ class DelayEstimate(Locked):
         correlations: Normalised correlations with the prewhitened input at lags 0..largest (largest + 1, ny, nu).
         bound: Significance bound on the correlations (ny, nu), corrected for the number of lags.
         interval: Least and largest delay that the likelihood allows at 95 % (2, ny, nu), from models of low order at
-            every delay; where these are not fitted, 0 and `arx`, the largest delay that the scan of ARX models does not
-            reject; -1 where no lag is significant.
+            every delay; where these are not fitted, or the ARX model is far better, 0 and `arx`, the largest delay that
+            the scan of ARX models does not reject; -1 where no lag is significant.
     """
 
     arx: IntArray
@@ -64,13 +65,14 @@ def delayest(
     """Estimate the delay of every pair of input and output [Ljung1999, secs. 16.5 and 6.1].
 
     With one input, models B(q)/F(q) with 0 to 5 poles are fitted at every delay, beside white or autoregressive noise:
-    the delay is that of least BIC, and `interval` is that of the likelihood. Slow inputs make lag look like delay: a
-    warning says so, with the experiment that would tell. With several inputs, feedback, little data or data without
-    noise there is an ARX model with the lags 0..largest + nb - 1 of every input, and the leading lags of one of them
-    are dropped, one after the other, as long as N log(V/V0) stays below the chi-square quantile; it holds for any input
-    of sufficient excitation. The correlation method whitens each input by an autoregressive model, filters the outputs
-    alike and takes the first lag outside the bound; it needs no model, but uncorrelated inputs. Means are removed
-    first.
+    the delay is that of least BIC, and `interval` is that of the likelihood, unless an ARX model shows that the system
+    has more poles. Slow inputs make lag look like delay: a warning says so, with the experiment that would tell. With
+    several inputs, feedback, little data or data without noise there is an ARX model with the lags 0..largest + nb - 1
+    of every input, and the leading lags of one of them are dropped, one after the other, as long as N log(V/V0) stays
+    below the chi-square quantile; it holds for any input of sufficient excitation.
+
+    The correlation method whitens each input by an autoregressive model, filters the outputs alike and takes the first
+    lag outside the bound; it needs no model, but uncorrelated inputs. Means are removed first.
 
     Args:
         data: One experiment, or several that share the delays.
@@ -98,9 +100,9 @@ def delayest(
     level = confidence_level(level)
     warn_each(check_excitation(experiments, [0] * nu))
     # first: of few samples it says what is missing, where the limit of the whitening would name another option
-    p_values, exact = _p_values_by_arx(experiments, na, nb, largest)
+    scan = _scan_by_arx(experiments, na, nb, largest)
     whitening = whole_number("whitening", whitening, 0, max(map(len, experiments)))
-    rejected = p_values < 1.0 - level
+    rejected = scan.p_values < 1.0 - level
     feedback_messages = _feedback_messages(experiments, largest + nb, level)
     for message in feedback_messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
@@ -109,27 +111,31 @@ def delayest(
     intervals = np.stack((np.minimum(by_arx, 0), by_arx))
     if nu == 1 and not feedback_messages:
         # in a loop the noise reaches the input too, which these models take as independent of it
-        by_arx, intervals, ambiguities = _by_profiles(experiments, largest, by_arx, exact)
+        by_arx, intervals, ambiguities = _by_profiles(experiments, largest, by_arx, scan)
         warn_each(_beyond(experiments, largest) or ambiguities)
     return DelayEstimate(
         arx=by_arx,
         interval=intervals,
         correlation=_first_lags(np.abs(correlations) > bound),
-        p_values=p_values,
+        p_values=scan.p_values,
         correlations=correlations,
         bound=bound,
     )
 
 
 def _by_profiles(
-    experiments: Sequence[IOData], largest: int, by_arx: IntArray, exact: NDArray[np.bool_]
+    experiments: Sequence[IOData], largest: int, by_arx: IntArray, scan: "_ArxScan"
 ) -> tuple[IntArray, IntArray, list[str]]:
-    """Delays (ny, 1), their intervals (2, ny, 1) and warnings, by models of low order where these can be fitted."""
+    """Delays (ny, 1), their intervals (2, ny, 1) and warnings, by models of low order where these can be fitted.
+
+    Where the ARX model of the scan is far better than all of them, the system has more poles than they have: any of
+    their delays would stand for the poles that they lack.
+    """
     delays = by_arx.copy()
     intervals = np.stack((np.minimum(by_arx, 0), by_arx))
     messages: list[str] = []
     for i in range(experiments[0].ny):
-        if exact[i] and by_arx[i, 0] >= 0:
+        if scan.exact[i] and by_arx[i, 0] >= 0:
             # without noise every lag that counts is significant
             intervals[:, i, 0] = by_arx[i, 0]
             continue
@@ -137,6 +143,8 @@ def _by_profiles(
             profile = delay_profile([e.select(outputs=[i]) for e in experiments], largest, INTERVAL)
         except SysidError:
             # too little data: the scan stands alone
+            continue
+        if by_arx[i, 0] >= 0 and scan.is_far_better(i, profile):
             continue
         delays[i, 0] = profile.delay
         intervals[:, i, 0] = profile.interval
@@ -179,10 +187,30 @@ def _first_lags(significant: NDArray[np.bool_]) -> IntArray:
     return np.where(significant.any(axis=0), significant.argmax(axis=0), -1)
 
 
-def _p_values_by_arx(
-    experiments: Sequence[IOData], na: int, nb: int, largest: int
-) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """p-values of `DelayEstimate` by ARX models without leading lags (largest + 1, ny, nu); which are exact (ny,)."""
+@dataclass(frozen=True, eq=False)
+class _ArxScan:
+    """What ARX models with the leading lags of one input left out tell of the delays.
+
+    Attributes:
+        p_values: Those of `DelayEstimate` (largest + 1, ny, nu).
+        exact: Whether the model with all lags fits but for rounding (ny,).
+        variances: Mean square of its errors (ny,).
+        width: Number of its parameters.
+    """
+
+    p_values: FloatArray
+    exact: NDArray[np.bool_]
+    variances: FloatArray
+    width: int
+
+    def is_far_better(self, i: int, profile: DelayProfile) -> bool:
+        """Whether BIC prefers its model of an output, with all its lags, to the best one of low order."""
+        ratio = profile.variance / max(float(self.variances[i]), TINY)
+        return profile.samples * np.log(max(ratio, TINY)) > self.width * np.log(profile.samples)
+
+
+def _scan_by_arx(experiments: Sequence[IOData], na: int, nb: int, largest: int) -> _ArxScan:
+    """Fit ARX models with all lags, and drop the leading ones of one input after the other."""
     nu, ny = experiments[0].nu, experiments[0].ny
     lags, no_delay = (largest + nb,) * nu, (0,) * nu
     starts = [first_row(na, lags, no_delay, e.window) for e in experiments]
@@ -195,23 +223,24 @@ def _p_values_by_arx(
             f"ARX model, which has delays up to largest = {largest} with na = {na} and nb = {nb}; expected longer "
             "experiments, or a smaller largest, na or nb"
         )
-    p_values = np.empty((largest + 1, ny, nu))
+    p_values, variances = np.empty((largest + 1, ny, nu)), np.empty(ny)
     exact = np.zeros(ny, dtype=bool)
     for i in range(ny):
         if rows > BLOCK:
             y, u = [e.y[:, i] for e in experiments], [e.u for e in experiments]
-            triangle, _, _ = triangle_of_blocks(partial(equation_blocks, y, u, na, lags, no_delay, starts))
+            triangle, lengths, _ = triangle_of_blocks(partial(equation_blocks, y, u, na, lags, no_delay, starts))
         else:
             regressors, targets = [], []
             for e, start in zip(experiments, starts, strict=True):
                 regressors.append(arx_regressors(e.y[:, i], e.u, na, lags, no_delay, start))
                 targets.append(e.y[start:, i])
-            triangle, _ = scaled_triangle(np.column_stack((np.vstack(regressors), np.concatenate(targets))))
+            triangle, lengths = scaled_triangle(np.column_stack((np.vstack(regressors), np.concatenate(targets))))
         exact[i] = triangle[-1, -1] ** 2 <= EXACT * np.sum(triangle[:, -1] ** 2)
+        variances[i] = (triangle[-1, -1] * lengths[-1]) ** 2 / rows
         for j in range(nu):
             first_column = na + j * (largest + nb)
             p_values[:, i, j] = _leading_lags(triangle, first_column, largest + 1, rows - width)
-    return p_values, exact
+    return _ArxScan(p_values, exact, variances, width)
 
 
 def _feedback_messages(experiments: Sequence[IOData], lags: int, level: float) -> list[str]:

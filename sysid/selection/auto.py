@@ -35,7 +35,7 @@ from sysid.selection.structure_search import (
 )
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.feedback import feedback_p, interchanged
-from sysid.validation.nonlinearity import nonlinearity
+from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
 from sysid.validation.resid import resid
 
 LISTED = 8  # candidates that a printed choice lists
@@ -48,6 +48,7 @@ TOLD = 0.05  # difference in EBIC that a reason in words tells
 TRIED = 5  # best candidates of which one may turn out unstable
 HIGH_ORDER = 20  # of the autoregressive model that shows a nonlinearity before the search
 NONLINEAR_LARGEST = 5  # order that is tried beside a nonlinearity, which buys any order
+CERTAIN = 1e-6  # p-value below which a nonlinearity counts in the choice: a false one would cost all that orders gain
 FEW = 5  # samples per parameter below which chance decides between candidates
 
 Fitted = tuple[Estimate, list[warnings.WarningMessage]]
@@ -182,26 +183,22 @@ def auto(
     direct = truth_value("direct", direct)
     trends = _trends(experiments, offset, trend)
     without_trend = _without_trend(experiments, trends[0])
-    is_nonlinear = not validation_data and _is_nonlinear(without_trend, largest)
-    if is_nonlinear:
-        largest = min(largest, NONLINEAR_LARGEST)
     loop = _loop(without_trend, direct=direct)
     if methods is not None and experiments[0].ny > 1:
         raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
-    search = StructureSearch(
-        stretches(experiments, longest), validation_data, largest, names, trends, refines=not is_nonlinear
-    )
-    with warnings.catch_warnings():
-        # candidates that are too large give many warnings; the fit of the chosen one repeats its own
-        warnings.simplefilter("ignore", SysidWarning)
-        if experiments[0].ny == 1:
-            climb = _climbed(experiments, search, loop, any_method=methods is None)
-        else:
-            climb = _climbed_states(search, loop)
-    ranked, fit = _stable_first(experiments, climb.search)
-    objection = _objection_to_best(experiments, climb, loop, ranked[0])
+    part = stretches(experiments, longest)
+    answer: Answer | None = None
+    if not validation_data and _is_nonlinear(without_trend, largest):
+        small = min(largest, NONLINEAR_LARGEST)
+        search = StructureSearch(part, validation_data, small, names, trends, refines=False)
+        answer = _answered(experiments, search, loop, any_method=methods is None)
+    if answer is None or answer.objection in (Objection.NONE, Objection.DEPENDENT):
+        # the best of the small ones leaves no nonlinearity: a long regression lacks other things too
+        search = StructureSearch(part, validation_data, largest, names, trends)
+        answer = _answered(experiments, search, loop, any_method=methods is None)
+    climb, ranked, fit, objection = answer.climb, answer.ranked, answer.fit, answer.objection
     simulated = None
-    if objection is not Objection.NONE:
+    if objection in (Objection.DEPENDENT, Objection.NONLINEAR):
         if methods is None:
             climb.search.methods = names
         simulated = _ranked_by_simulation(experiments, climb.search, ranked[0], climb.delays, objection)
@@ -211,7 +208,7 @@ def auto(
         reason = _reason_of_simulation(climb, ranking, ranked, sum(map(len, experiments)))
         ranked = _with_first(ranking.candidate, ranked)
     else:
-        if objection is Objection.NONE and climb.beside_noise is not None:
+        if objection in (Objection.NONE, Objection.UNTESTED) and climb.beside_noise is not None:
             weighted = _weighted(ranked[0], climb.beside_noise)
             if weighted != ranked[0]:
                 ranked, fit = (weighted, *ranked[1:]), None
@@ -328,6 +325,36 @@ class Climb:
         return replace(self, estimate_of_delays=self.near, delays=_delays(self.near, 1), near=None)
 
 
+@dataclass(frozen=True)
+class Answer:
+    """What a search ends with.
+
+    Attributes:
+        climb: The search.
+        ranked: Its candidates, the best first.
+        fit: Model of the best one, if it had to be estimated already.
+        objection: What shows that the best one is not right.
+    """
+
+    climb: Climb
+    ranked: tuple[Candidate, ...]
+    fit: Fitted | None
+    objection: "Objection"
+
+
+def _answered(experiments: Experiments, search: StructureSearch, loop: Loop, *, any_method: bool) -> Answer:
+    """Search, and what its best candidate leaves unexplained."""
+    with warnings.catch_warnings():
+        # candidates that are too large give many warnings; the fit of the chosen one repeats its own
+        warnings.simplefilter("ignore", SysidWarning)
+        if experiments[0].ny == 1:
+            climb = _climbed(experiments, search, loop, any_method=any_method)
+        else:
+            climb = _climbed_states(search, loop)
+    ranked, fit = _stable_first(experiments, climb.search)
+    return Answer(climb, ranked, fit, _objection_to_best(experiments, climb, loop, ranked[0]))
+
+
 def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, any_method: bool) -> Climb:
     """Candidates with one output, of long records on a part first.
 
@@ -346,23 +373,23 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
         # what the delays up to the limit explain stays a candidate: many lags resemble a long delay
         near, estimate, shortest = estimate, far, delays
         delays = _delays(far, experiments[0].nu)
+    least = 0
     if loop.is_closed or loop.is_at_once:
-        delays = tuple(max(delay, 1) for delay in delays)
+        least = 1
         if any_method:
             search.methods = tuple(name for name in search.methods if name != "oe")
-        shortest = tuple(max(delay, 1) for delay in shortest)
     paths_alone = set(search.methods) == {"oe"} and not search.validation
     if paths_alone:
         search.methods = ("oe", "bj")
+    delays, shortest = _at_least(least, delays), _at_least(least, shortest)
     search.climb_structures(delays, shortest, is_far=far is not None)
-    if near is not None and _simulates_worse(search, largest_near=2 * search.largest):
-        # a resonance resembles a long delay beside a disturbance: what simulates better stays
-        search.candidates = [one for one in search.candidates if _delay_of(one) <= 2 * search.largest]
-        near, estimate, delays = None, near, _delays(near, experiments[0].nu)
+    if near is not None and _is_far_in_vain(search, largest_near=2 * search.largest):
+        # a resonance resembles a long delay beside a disturbance: what simulates or predicts better stays
+        near, estimate, delays = None, near, _at_least(least, _delays(near, experiments[0].nu))
+        search = search.anew(search.experiments)
+        search.climb_structures(delays, _at_least(least, _shortest(estimate, delays)))
     if sum(map(len, search.experiments)) < sum(map(len, experiments)):
-        whole = StructureSearch(
-            experiments, search.validation, search.largest, search.methods, search.trends, refines=search.refines
-        )
+        whole = search.anew(experiments)
         whole.continue_from(search, tuple(min(delay, 1) for delay in delays))
         search = whole
     if not paths_alone:
@@ -386,7 +413,7 @@ def _climbed_states(search: StructureSearch, loop: Loop) -> Climb:
 def _objection_to_best(experiments: Experiments, climb: Climb, loop: Loop, best: Candidate) -> "Objection":
     """What shows that the best candidate is not right, where simulated errors may choose another."""
     if climb.search.validation or loop.is_at_once or climb.search.is_rounding(best):
-        return Objection.NONE
+        return Objection.UNTESTED
     objection = _objection(best, climb.search, experiments, loop.is_closed)
     if objection is Objection.DEPENDENT and climb.beside_noise is not None:
         # a slow disturbance resembles the input in any short record: a model of it tells the two apart
@@ -465,6 +492,8 @@ class Objection(Enum):
     """What the residuals of the best candidate show against it."""
 
     NONE = auto_value()
+    UNTESTED = auto_value()
+    """No test can tell: it is unstable, or follows something slow."""
     DEPENDENT = auto_value()
     """They depend on the input."""
     NONLINEAR = auto_value()
@@ -488,7 +517,12 @@ def _is_nonlinear(experiments: Experiments, largest: int) -> bool:
 
 def _leaves_nonlinearity(parts: Sequence[IOData], delays: tuple[int, ...]) -> bool:
     test = nonlinearity(arx(parts, HIGH_ORDER, (HIGH_ORDER,) * len(delays), delays), parts, named=False)
-    return test is not None and bool(test.material.any())
+    return test is not None and _is_certain(test)
+
+
+def _is_certain(test: NonlinearityTest) -> bool:
+    """Whether the nonlinearity of some output matters and is beyond doubt."""
+    return bool((test.material & (test.p_values < CERTAIN)).any())
 
 
 def _objection(best: Candidate, search: StructureSearch, experiments: Experiments, fed_back: bool) -> Objection:
@@ -501,13 +535,13 @@ def _objection(best: Candidate, search: StructureSearch, experiments: Experiment
     model = search.polynomials_of(best)
     is_settling = best.eligible and not np.isfinite(best.drive) and best.radius < 1.0
     if model is None or not is_settling:
-        return Objection.NONE
+        return Objection.UNTESTED
     if best.trend != NO_TREND:
         # beside a predictor that forgets slowly, another line than its own would leave errors for the whole record
         experiments = search.without_trends(experiments, best)
     parts = complete_parts(experiments)
     test = nonlinearity(model, parts, named=False)
-    if test is not None and test.material.any():
+    if test is not None and _is_certain(test):
         return Objection.NONLINEAR
     if test is not None and (test.p_values < 1.0 - test.level).any():
         return Objection.DEPENDENT
@@ -641,14 +675,19 @@ def _delay_of(candidate: Candidate) -> int:
     return int(np.ravel(candidate.orders.get("nk", 0))[0])
 
 
-def _simulates_worse(search: StructureSearch, *, largest_near: int) -> bool:
-    """Whether the best candidate has a delay beyond a largest one and simulates worse than the best one up to it."""
+def _is_far_in_vain(search: StructureSearch, *, largest_near: int) -> bool:
+    """Whether the best candidate has a delay beyond a largest one, and one up to it is no worse.
+
+    It simulates better, or it fits as well one step ahead on the samples that both have errors of.
+    """
     ranked = search.ranked()
-    near = next((one for one in ranked if _delay_of(one) <= largest_near), None)
-    if near is None or _delay_of(ranked[0]) <= largest_near:
+    best, near = ranked[0], next((one for one in ranked if _delay_of(one) <= largest_near), None)
+    if near is None or _delay_of(best) <= largest_near:
         return False
-    errors = [_simulation_error(search, one) for one in (ranked[0], near)]
-    return errors[0] > WORSE_IN_SIMULATION * errors[1]
+    if _simulation_error(search, best) > WORSE_IN_SIMULATION * _simulation_error(search, near):
+        return True
+    reach = _delay_of(best) + search.largest
+    return search.ebic_behind(near, reach) < search.ebic_behind(best, reach)
 
 
 def _simulation_error(search: StructureSearch, candidate: Candidate) -> float:
@@ -692,6 +731,11 @@ def _delays(estimate: DelayEstimate | None, inputs: int) -> tuple[int, ...]:
     for lags in _significant_lags(estimate, inputs):
         delays.append(int(lags.min()) if len(lags) else 1)
     return tuple(delays)
+
+
+def _at_least(least: int, delays: tuple[int, ...]) -> tuple[int, ...]:
+    """Delays of the inputs, those below a least one raised to it."""
+    return tuple(max(delay, least) for delay in delays)
 
 
 def _shortest(estimate: DelayEstimate | None, delays: tuple[int, ...]) -> tuple[int, ...]:

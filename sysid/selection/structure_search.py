@@ -41,9 +41,9 @@ Rung = TypeVar("Rung")
 
 PATIENCE = 2  # orders in a row that are tried beyond the best of a structure
 
-SEARCHED = 2.0
+SEARCHED = 1.0
 """Penalty of a parameter beyond Schwarz's log(N): with more parameters there are more structures to choose from, about
-exp(p) times as many with p of some ten coefficients [ChenChen2008]."""
+exp(p) times as many with p of some ten coefficients, which count by half (gamma = 0.5) [ChenChen2008]."""
 
 FAR = 100.0  # EBIC above the best from which on a structure does not climb again from the shortest delays
 LOW, PLAINEST = 3, "oe"  # orders of the method that climbs from the shortest delays in any case
@@ -250,6 +250,12 @@ class StructureSearch:
         self.samples = 0
         for experiment, skipped in zip(experiments, self._skipped, strict=True):
             self.samples += int(np.count_nonzero(experiment.known[skipped:].all(axis=1)))
+
+    def anew(self, experiments: Experiments) -> "StructureSearch":
+        """A search for the same on other experiments, or from the beginning on the same ones."""
+        return StructureSearch(
+            experiments, self.validation, self.largest, self.methods, self.trends, refines=self.refines
+        )
 
     def climb_structures(self, delays: tuple[int, ...], shortest: tuple[int, ...], *, is_far: bool = False) -> None:
         """Try rising orders of every structure from two sets of delays, then change single orders of the best ones.
@@ -526,8 +532,8 @@ class StructureSearch:
         rounding = self._rounding
         self.exact = self.exact or loss <= rounding
         likelihood = self.samples * compared.shape[1] * np.log(max(loss, rounding, self._floor))
-        count_of_all = count + transients + (trend + 1) * len(self.experiments)
-        ebic = float(likelihood + count_of_all * (np.log(self.samples) + SEARCHED))
+        counted = self._counted(count, transients, trend)
+        ebic = float(likelihood + counted * (np.log(self.samples) + SEARCHED))
         radius = float(np.abs(path.poles()).max(initial=0.0))
         error = self._validation_error(path)
         candidate = Candidate(
@@ -574,6 +580,30 @@ class StructureSearch:
 
     def _criteria(self, methods: Iterable[str]) -> list[float]:
         return [self.criterion(candidate) for candidate in self.candidates if candidate.method in methods]
+
+    def ebic_behind(self, candidate: Candidate, samples: int) -> float:
+        """EBIC of a candidate with one output on the errors behind so many samples; infinite where there are none.
+
+        A delay leaves the first errors of a record out: on the others its noise may be smaller.
+        """
+        fit = self._fit_of(candidate)
+        if fit is None:
+            return np.inf
+        errors = []
+        for experiment in self.experiments:
+            of_record, _ = _errors_and_trend(experiment, fit.orders, fit.theta)
+            errors.append(of_record[samples:])
+        joined = np.concatenate(errors)
+        joined = joined[np.isfinite(joined)]
+        if not len(joined):
+            return np.inf
+        likelihood = len(joined) * np.log(max(float(np.mean(joined**2)), self._rounding, self._floor))
+        counted = self._counted(candidate.parameters, candidate.transients, candidate.trend)
+        return float(likelihood + counted * (np.log(len(joined)) + SEARCHED))
+
+    def _counted(self, parameters: int, transients: float, trend: int) -> float:
+        """Number of parameters that the criterion counts: with those of initial states and trends."""
+        return parameters + transients + (trend + 1) * len(self.experiments)
 
     def is_rounding(self, candidate: Candidate) -> bool:
         """Whether the errors of a candidate are no larger than the rounding of the outputs, as by an encoder."""
@@ -809,10 +839,11 @@ def _cut_or_filled(coefficients: FloatArray, length: int) -> FloatArray:
 
 
 def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
-    """Orders that differ by one in one place, other delays with another number of lags, and fewer pairs.
+    """Orders that differ by one in one place, other delays with another number of lags, pole for zero, and fewer pairs.
 
-    Of delays the last lag of the input stays where it is, or moves by one. C and D lose a root each together, where
-    these cancel; a pair at one stands for a trend in their place.
+    Of delays the last lag of the input stays where it is, or moves by one. A pole takes the place of a zero: either
+    alone may cost more than it gains. C and D lose a root each together, where these cancel; a pair at one stands for a
+    trend in their place.
     """
     steps = []
     for name in sorted(names):
@@ -824,6 +855,8 @@ def _neighbours(orders: Orders, names: Iterable[str]) -> Iterator[Orders]:
             neighbours.append(_with_step(_with_step(orders, "nk", channel, step), "nb", channel, -step))
             # a first coefficient that stands for a slow beginning of the response hides a longer delay
             neighbours.append(_with_step(_with_step(orders, "nk", channel, 2 * step), "nb", channel, -step))
+        if name in ("na", "nf") and step > 0:
+            neighbours.append(_with_step(_with_step(orders, name, channel, 1), "nb", channel, -1))
     if {"nc", "nd"} <= set(names):
         fewer = replace(orders, nc=orders.nc - 1, nd=orders.nd - 1)
         neighbours.append(fewer)

@@ -67,3 +67,15 @@ def test_intervals_hold_the_delay(kind):
         warnings.simplefilter("ignore")
         answers = [answer(kind, 7, number) for number in range(50)]
     assert sum(a.holds for a in answers) >= 44
+
+
+def test_more_poles_than_the_models_of_the_profile_are_no_delay():
+    """Three resonances and an equation error of 0.3 %: delays of 8 samples alone were allowed in place of 2."""
+    poles = np.array([0.951 + 0.248j, 0.952 + 0.232j, 0.975 + 0.05j])
+    a = np.poly(np.concatenate((poles, poles.conj()))).real
+    rng = np.random.default_rng(0)
+    u = lfilter([0.3], [1.0, -0.7], rng.standard_normal(2500))
+    y = lfilter([0.0, 0.0, 1.0, -1.1, 0.38], a, u) + lfilter([1.0], a, 0.05 * rng.standard_normal(2500))
+    delays = delayest(IOData(u[500:], y[500:], 1.0))
+    assert delays.arx.item() == 2
+    assert delays.interval[0].item() <= 2 <= delays.interval[1].item()
