@@ -240,12 +240,16 @@ def _judgement(result: Identification) -> str:
         words = f"undecided: the residuals do not depend on the input, but the simulated fit is below {SUFFICIENT:g} %"
     elif no_better := _no_better_than_command(result):
         words = f"undecided: {no_better}"
-    elif not result.test.white.all():
-        words = "sufficient from input to output: the residuals do not depend on the input, but are not white"
     else:
-        words = "sufficient: the residuals are white and independent of the input"
-    hidden = _hidden_slow_part(result) if words.startswith("sufficient") else ""
-    return f"{words}; simulated fit {fits}{hidden}"
+        least, hidden = _hidden_slow_part(result)
+        above = f" above {least:.2g} Hz" if hidden else ""
+        if not result.test.white.all():
+            above += " from input to output"
+            words = "the residuals do not depend on the input, but are not white"
+        else:
+            words = "the residuals are white and independent of the input"
+        return f"sufficient{above}: {words}; simulated fit {fits}{hidden}"
+    return f"{words}; simulated fit {fits}"
 
 
 def _no_better_than_command(result: Identification) -> str:
@@ -275,16 +279,22 @@ def _slow_part(result: Identification) -> str:
     return ""
 
 
-def _hidden_slow_part(result: Identification) -> str:
-    """How large a slow part of the response may be that these errors hide, in words; empty below `CLOSE`."""
+def _hidden_slow_part(result: Identification) -> tuple[float, str]:
+    """Frequency, Hz, up to which a slow part that these errors hide could matter, and what it is in words.
+
+    A lag of time constant T and gain k changes the response at f by k / (2 pi f T). Zero and empty below `CLOSE`.
+    """
+    least, words = 0.0, ""
     for path, gain in _with_gains(result):
-        if path.possible_gain > CLOSE * abs(gain):
-            share = 100.0 * path.possible_gain / abs(gain)
-            return (
-                f"; a slow part of the response (time constant {path.longest:.3g} s) of up to {share:.0f} % of the "
-                "gain at 0 Hz could be hidden in the disturbance, a longer record would tell"
+        share = path.possible_gain / abs(gain) if gain else np.inf
+        frequency = share / (CLOSE * 2.0 * np.pi * path.longest)
+        if share > CLOSE and frequency > least:
+            least = float(frequency)
+            words = (
+                f"; below that frequency the disturbance could hide a slow part of the response (time constant "
+                f"{path.longest:.3g} s) of up to {100.0 * share:.0f} % of the gain at 0 Hz; a longer record would tell"
             )
-    return ""
+    return least, words
 
 
 def _with_gains(result: Identification) -> list[tuple[SlowResponse, float]]:

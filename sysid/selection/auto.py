@@ -23,6 +23,7 @@ from sysid.records.arrays import Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import Message, SysidError, SysidWarning
 from sysid.records.printing import Part, Table
+from sysid.selection.loop import Loop, complete_parts
 from sysid.selection.simulation_ranking import SimulationRanking, better_in_simulation
 from sysid.selection.structure_search import (
     HARDLY_TOLD,
@@ -31,18 +32,13 @@ from sysid.selection.structure_search import (
     Candidate,
     Experiments,
     StructureSearch,
-    complete_parts,
 )
 from sysid.subspace import n4sid, pem_ss
-from sysid.validation.feedback import feedback_p, interchanged
 from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
 from sysid.validation.resid import resid
 
 LISTED = 8  # candidates that a printed choice lists
 
-INTERCHANGED = "; nothing shows that it acts on them: are input and output interchanged?"
-
-LEVEL = 0.01  # p-value below which an input counts as fed back
 STRETCHES = 2  # parts of a long experiment on which candidates are compared, spread over it
 TOLD = 0.05  # difference in EBIC that a reason in words tells
 TRIED = 5  # best candidates of which one may turn out unstable
@@ -63,10 +59,6 @@ SAME_SAMPLE = (
 
 WORSE_IN_SIMULATION = 1.2
 """Ratio of simulation errors from which on a model behind a long delay is none beside another one."""
-
-HELD = 0.5
-"""Share of the samples whose output differs from the one before but whose input does not, from which on no controller
-computes the input from the output of the same sample."""
 
 EXACTLY = (
     "input and output follow from each other exactly, in the same sample: either of a plant without noise and with a "
@@ -183,7 +175,7 @@ def auto(
     direct = truth_value("direct", direct)
     trends = _trends(experiments, offset, trend)
     without_trend = _without_trend(experiments, trends[0])
-    loop = _loop(without_trend, direct=direct)
+    loop = Loop.of(without_trend, direct=direct)
     if methods is not None and experiments[0].ny > 1:
         raise SysidError(f"methods are of one output, the data have {experiments[0].ny}: pem_ss is tried alone")
     part = stretches(experiments, longest)
@@ -215,7 +207,7 @@ def auto(
         climb = climb.told_by(ranked[0])
         reason = _reason(climb.search, ranked, climb.delays, sum(map(len, experiments)))
         if loop.is_closed:
-            reason += _reason_of_feedback(without_trend, loop, any_method=methods is None)
+            reason += _reason_of_feedback(experiments[0].ny, loop, any_method=methods is None)
     if loop.is_at_once:
         reason += f"; {SAME_SAMPLE}"
     if open_delay := _open_delay(climb.estimate_of_delays):
@@ -249,49 +241,6 @@ def _methods_to_try(methods: Sequence[str] | None) -> tuple[str, ...]:
     if not names or not all(isinstance(name, str) and name in ORDERS for name in names):
         raise SysidError(f"methods: expected some of {', '.join(ORDERS)}, got {', '.join(map(str, names)) or 'none'}")
     return names
-
-
-@dataclass(frozen=True)
-class Loop:
-    """What the tests of feedback say.
-
-    Attributes:
-        p: Least p-value of the hypothesis that no input depends on past outputs.
-        is_closed: Whether an input depends on them.
-        is_at_once: Whether input and output of the same sample depend on each other, and a direct term would be that
-            of a controller.
-        is_exact: Whether they follow from each other without any error.
-    """
-
-    p: float
-    is_closed: bool
-    is_at_once: bool
-    is_exact: bool
-
-
-def _loop(experiments: Experiments, *, direct: bool) -> Loop:
-    """Tests of feedback, with the sample of the same instant and, unless a direct term is allowed, without it."""
-    p = _feedback_p(experiments)
-    at_once = p >= LEVEL and not direct and _feedback_p(experiments, direct=False) < LEVEL
-    if at_once and _is_held(experiments):
-        # whatever moves it, it is not the output of the same sample
-        at_once = False
-    # it is exactly 1 where past and present inputs explain everything: such a direct term is no controller's
-    return Loop(p, is_closed=p < LEVEL, is_at_once=at_once and p < 1.0, is_exact=at_once and p == 1.0)
-
-
-def _is_held(experiments: Experiments) -> bool:
-    """Whether the inputs stay exactly the same from one sample to the next while the outputs change.
-
-    A relay holds its output too, but it changes when the output crosses a level: `feedback` sees that in the past.
-    """
-    moved = held = 0
-    for experiment in complete_parts(experiments):
-        outputs_move = np.diff(experiment.y, axis=0).any(axis=1)
-        inputs_move = np.diff(experiment.u, axis=0).any(axis=1)
-        moved += int(outputs_move.sum())
-        held += int((outputs_move & ~inputs_move).sum())
-    return moved > 0 and held >= HELD * moved
 
 
 @dataclass(frozen=True)
@@ -374,7 +323,7 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
         near, estimate, shortest = estimate, far, delays
         delays = _delays(far, experiments[0].nu)
     least = 0
-    if loop.is_closed or loop.is_at_once:
+    if not loop.allows_direct_term:
         least = 1
         if any_method:
             search.methods = tuple(name for name in search.methods if name != "oe")
@@ -402,7 +351,7 @@ def _climbed(experiments: Experiments, search: StructureSearch, loop: Loop, *, a
 
 def _climbed_states(search: StructureSearch, loop: Loop) -> Climb:
     """State-space models of rising order."""
-    search.direct = not (loop.is_closed or loop.is_at_once)
+    search.direct = loop.allows_direct_term
     estimate = _estimated_delays(search.experiments, search.largest)
     delays = _delays(estimate, search.experiments[0].nu)
     # with one sample left to the dynamics, as a held input has it
@@ -446,14 +395,14 @@ def _reason_of_simulation(
     )
 
 
-def _reason_of_feedback(experiments: Experiments, loop: Loop, *, any_method: bool) -> str:
+def _reason_of_feedback(outputs: int, loop: Loop, *, any_method: bool) -> str:
     """What feedback leaves out of the choice, in words."""
     excluded = DIRECT
-    if any_method and experiments[0].ny == 1:
+    if any_method and outputs == 1:
         excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
     return (
         f"; by `feedback` (p = {loop.p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
-        f"{excluded}{_interchange_question(experiments)}"
+        f"{excluded}{loop.question}"
     )
 
 
@@ -569,14 +518,6 @@ def _ranked_by_simulation(
     fit = _fitted(experiments, ranking.candidate, search)
     slowest = np.abs(fit[0].model.input_path().poles()).max(initial=0.0)
     return (ranking, fit) if slowest < search.slow_radius else None
-
-
-def _interchange_question(experiments: Experiments) -> str:
-    """Question whether input and output are interchanged, where only the input depends on the other one's past."""
-    if not experiments[0].nu == experiments[0].ny == 1:
-        return ""
-    reverse_p = _feedback_p(interchanged(complete_parts(experiments)))
-    return INTERCHANGED if reverse_p > LEVEL else ""
 
 
 def _stable_first(experiments: Experiments, search: StructureSearch) -> tuple[tuple[Candidate, ...], Fitted | None]:
@@ -781,14 +722,6 @@ def _unlike_delays(estimate: DelayEstimate | None, order: int) -> str:
         f"an input reaches the outputs after unlike delays ({listed} samples), which take {differences} states, more "
         "than the model has: gains may be wrong; tfest(data, np, nz, delay=None) estimates a delay of each path"
     )
-
-
-def _feedback_p(experiments: Experiments, *, direct: bool = True) -> float:
-    """Least p-value of the hypothesis that no input depends on past outputs; 1 where no test can tell.
-
-    Unless `direct`, an input that depends on the output of the same sample counts as fed back.
-    """
-    return float(np.nan_to_num(feedback_p(complete_parts(experiments), direct=direct), nan=1.0).min())
 
 
 def _reason(search: StructureSearch, ranked: tuple[Candidate, ...], delays: tuple[int, ...], total: int) -> str:

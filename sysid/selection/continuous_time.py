@@ -26,6 +26,7 @@ from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
 from sysid.selection.auto import StructureChoice, stretches
+from sysid.selection.loop import Loop
 from sysid.selection.slow_modes import slow_radius
 from sysid.selection.structure_search import FAR, HARDLY_TOLD, SEARCHED, SLOW, Candidate, largest_ratio
 
@@ -75,9 +76,11 @@ def choose_tfest(
     """Choose the numbers of poles and zeros of `tfest`, and whether there is a delay.
 
     The number of poles rises, with one zero less and an estimated delay, until the criterion is worse twice. Then the
-    two best lose zeros, and the delay. The criterion is the extended BIC [ChenChen2008] of output errors of any colour:
-    of their values whitened by an autoregressive model, whose coefficients count as parameters, as do initial states
-    and constants.
+    two best lose zeros, and the delay. Where the output depends on the input of the same sample, which no controller
+    computes from it, models with as many zeros as poles come too.
+
+    The criterion is the extended BIC [ChenChen2008] of output errors of any colour: of their values whitened by an
+    autoregressive model, whose coefficients count as parameters, as do initial states and constants.
 
     Args:
         data: One experiment, or several that share the model, with one output; of several inputs all paths have the
@@ -110,6 +113,9 @@ def choose_tfest(
         search.fit_while_better(fewer_zeros, search.ebic_of(structure) + FAR)
     (best,) = search.best_structures(1)
     search.fit(RationalPath(best.poles, best.zeros, 0.0))
+    if Loop.of(search.all_data, direct=False).is_direct:
+        # as many zeros as poles: a direct term, which has no delay
+        search.fit_while_better([RationalPath(poles, poles, 0.0) for poles in range(1, largest + 1)], np.inf)
     return search.choice(
         lambda chosen, theta: tfest(
             search.all_data,
@@ -128,7 +134,7 @@ def choose_procest(data: IOData | Sequence[IOData], *, offset: bool = False, lon
 
     Kinds of up to three poles with a delay come first, with an integrator where the slowest of them lasts a tenth of
     the record; then the best with a zero, with a pole more or less, without delay, or with real in place of complex
-    poles, as long as that helps.
+    poles, as long as that helps. A zero beside a single pole is a direct term: beside feedback it is not tried.
 
     Args:
         data: One experiment, or several that share the model, with one output; of several inputs all paths have the
@@ -150,11 +156,12 @@ def choose_procest(data: IOData | Sequence[IOData], *, offset: bool = False, lon
     search.fit_each(map(ProcessPath, ("P0", "P1D", "P2DU", "P3DU")))
     if search.slowest > INTEGRATES * max(len(e) * e.dt for e in search.compared):
         search.fit_each(map(ProcessPath, ("P0DI", "P1DI", "P2DIU")))
+    direct = Loop.of(search.all_data, direct=False).allows_direct_term
     tried = None
     while tried != search.best_structures(1):
         tried = search.best_structures(1)
         kind = search.best_candidate.orders["kind"]
-        search.fit_each(map(ProcessPath, _variants(str(kind), search.damping)))
+        search.fit_each(map(ProcessPath, _variants(str(kind), search.damping, direct=direct)))
 
     def estimate(chosen: PathStructure, theta: FloatArray) -> ContinuousEstimate:
         with_offset = search.offset and not chosen.integrators
@@ -239,23 +246,29 @@ def _liveliest_part(experiments: Sequence[IOData], j: int, length: int) -> tuple
     return liveliest
 
 
-def _variants(kind: str, damping: float) -> list[str]:
-    """Kinds with a letter or a pole more or less than that of a model with this least damping."""
+def _variants(kind: str, damping: float, *, direct: bool) -> list[str]:
+    """Kinds with a letter or a pole more or less than that of a model with this least damping.
+
+    A zero beside a single pole is a direct term, which is tried only if the input allows it.
+    """
     kinds = []
+    lags = int(kind[1])
     if "U" in kind and damping > OVERDAMPED:
         kinds.append(kind.replace("U", ""))
     if "D" in kind:
         kinds.append(kind.replace("D", ""))
     if "Z" in kind:
         kinds.append(kind.replace("Z", ""))
-    elif kind[1] != "0":
+    elif lags > 1 or (lags == 1 and (direct or "I" in kind)):
         kinds.append(f"{kind}Z")
-    lags = int(kind[1])
+    elif direct:
+        # a lag beside a direct term
+        kinds.append(f"P1{kind[2:]}Z")
     if lags > 1 and "U" not in kind:
         kinds.append(f"{kind}U")
     if 0 < lags < 3:
         kinds.append(f"P{lags + 1}{kind[2:]}")
-    if lags > 1:
+    if lags > 1 and not (lags == 2 and "Z" in kind and not direct):
         fewer = kind[2:] if lags > 2 else kind[2:].replace("U", "")
         kinds.append(f"P{lags - 1}{fewer}")
     return kinds

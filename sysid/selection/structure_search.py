@@ -32,6 +32,7 @@ from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 from sysid.records.resolution import resolution
+from sysid.selection.loop import complete_parts
 from sysid.selection.slow_modes import least_drive, slow_poles, slow_radius
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.structure_scan import Order, parameter_count
@@ -702,11 +703,6 @@ def largest_ratio(values: Sequence[FloatArray]) -> float:
         finite = ratios[np.isfinite(ratios)]
         largest = max(largest, float(np.exp(finite.max(initial=0.0))))
     return largest
-
-
-def complete_parts(experiments: Experiments) -> list[IOData]:
-    """Experiments without gaps."""
-    return list(chain.from_iterable(e.complete_parts() for e in experiments))
 
 
 def rising_orders(structure: str, n: int, nk: tuple[int, ...], trend: int) -> Orders:
