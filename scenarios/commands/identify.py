@@ -1,6 +1,5 @@
 """`hmtb identify`: any estimator on any record, also of your own robot."""
 
-import re
 import shlex
 import warnings
 from collections.abc import Mapping, Sequence
@@ -21,7 +20,7 @@ from scenarios.commands.output import (
 )
 from scenarios.commands.usage import command_line
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.methods import ESTIMATORS
+from scenarios.identification.methods import ESTIMATORS, typed_orders
 
 if TYPE_CHECKING:
     from scenarios.identification.file_identification import FileIdentification
@@ -199,18 +198,10 @@ def identify(
 
 def _orders(words: Sequence[str], method: str | None) -> tuple[int | str, ...]:
     """Orders: whole numbers, and words such as the kind of a process model where a method has them."""
-    estimator = ESTIMATORS.get(method or "")
-    takes_words = estimator is not None and bool(estimator.words)
-    orders: list[int | str] = []
-    for word in words:
-        # [0-9] alone: other alphabets have digits too, which int() would take
-        if re.fullmatch(r"[+-]?[0-9]{1,9}", word):
-            orders.append(int(word))
-        elif takes_words and re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,15}", word):
-            orders.append(word)
-        else:
-            raise ScenarioError(f"--orders: expected whole numbers, given {' '.join(words)}")
-    return tuple(orders)
+    orders = typed_orders(words, method)
+    if orders is None:
+        raise ScenarioError(f"--orders: expected whole numbers, given {' '.join(words)}")
+    return orders
 
 
 def _with_methods(text: str) -> str:

@@ -3,6 +3,7 @@
 The command line, the baselines of data sets and the test bench take from this table what they offer.
 """
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from sysid import Estimate, IOData, Polynomials
     from sysid.validation.predictors import Predictor
     from sysid.validation.structure_scan import Order
+
+DIGITS = 9  # of an order that is read: more are a slip of the keyboard
 
 MOST_ORDER = 100
 """Largest order of a predictor that is tried at all: a slip of the keyboard would fill the memory."""
@@ -150,6 +153,22 @@ class IdentificationMethod:
         for argument, fact in self.knows.items():
             arguments[argument] = getattr(knowledge, fact)
         return cast("Predictor", self.function(records, **arguments))
+
+
+def typed_orders(words: Sequence[str], method: str | None) -> tuple[int | str, ...] | None:
+    """Orders as typed: whole numbers, and words where an estimator has them; None if one of them is neither."""
+    estimator = ESTIMATORS.get(method or "")
+    takes_words = estimator is not None and bool(estimator.words)
+    orders: list[int | str] = []
+    for word in words:
+        # [0-9] alone: other alphabets have digits too, which int() would take
+        if re.fullmatch(rf"[+-]?[0-9]{{1,{DIGITS}}}", word):
+            orders.append(int(word))
+        elif takes_words and re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,15}", word):
+            orders.append(word)
+        else:
+            return None
+    return tuple(orders)
 
 
 def _read() -> dict[str, IdentificationMethod]:

@@ -1,6 +1,5 @@
 """Models by name: the truth of the logged arm, models that the thesis prints, estimators with orders, model files."""
 
-import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ import sysid
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.files.data_file import joints_of, log_of
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.methods import ESTIMATORS
+from scenarios.identification.methods import DIGITS, ESTIMATORS, typed_orders
 from scenarios.truth.published import (
     BY_NAME,
     EQUATIONS,
@@ -21,10 +20,11 @@ from scenarios.truth.published import (
 )
 from sysid import Estimate, IOData, StateSpace
 
-FORMS = "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1), FILE.json"
+FORMS = (
+    "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1, procest:P1D), "
+    "FILE.json"
+)
 """Forms of a model's name, for messages."""
-
-DIGITS = 4  # of an order at most: more are a slip of the keyboard
 
 
 class ModelName(NamedTuple):
@@ -40,7 +40,7 @@ class ModelName(NamedTuple):
     text: str
     kind: str
     name: str = ""
-    orders: tuple[int, ...] = ()
+    orders: tuple[int | str, ...] = ()
 
     @property
     def is_estimated(self) -> bool:
@@ -71,13 +71,14 @@ def parse_model_name(text: str) -> ModelName:
         if text in BY_NAME:
             raise ScenarioError(f"unknown model {text!r}: did you mean 'published:{text}'? There are: {FORMS}")
         raise ScenarioError(unknown("model", kind, ("truth", "published", *ESTIMATORS)) + f"; written {FORMS}")
-    words = rest.replace(",", "/").split("/") if colon else []
-    # [0-9] alone: other alphabets have digits too, which int() would take.
-    if not all(re.fullmatch(rf"[0-9]{{1,{DIGITS}}}", word.strip()) for word in words):
+    words = [word.strip() for word in rest.replace(",", "/").split("/")] if colon else []
+    orders = typed_orders(words, kind)
+    if orders is None:
+        expected = "orders" if ESTIMATORS[kind].words else "whole orders"
+        example = "procest:P1D" if ESTIMATORS[kind].words else "oe:2/2/1"
         raise ScenarioError(
-            f"model {text!r}: expected whole orders apart by slashes, of {DIGITS} digits at most, as in oe:2/2/1"
+            f"model {text!r}: expected {expected} apart by slashes, of {DIGITS} digits at most, as in {example}"
         )
-    orders = tuple(int(word) for word in words)
     ESTIMATORS[kind].complete(orders)
     return ModelName(text, kind, orders=orders)
 

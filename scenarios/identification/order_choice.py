@@ -19,6 +19,7 @@ from sysid.models.predict import predict
 from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means
 from sysid.records.arrays import FloatArray
+from sysid.records.data import complete_parts
 from sysid.selection import choose_impulseest, choose_procest, choose_tfest
 from sysid.selection.slow_modes import slow_radius
 from sysid.selection.structure_search import ORDERS, largest_ratio
@@ -202,11 +203,10 @@ def _simulates_far_worse(estimate: sysid.Estimate, other: sysid.Estimate, record
 def _simulation_error(path: sysid.StateSpace, records: Sequence[IOData]) -> float:
     """Sum of squares that a path from the input leaves of the outputs, beside a line in each."""
     total = 0.0
-    for record in records:
-        for part in record.complete_parts():
-            errors = part.y - predict(path, part, steps=None)
-            # constants and drifts are the operating point's
-            total += float(np.sum(scipy.signal.detrend(errors, axis=0) ** 2))
+    for part in complete_parts(records):
+        errors = part.y - predict(path, part, steps=None)
+        # constants and drifts are the operating point's
+        total += float(np.sum(scipy.signal.detrend(errors, axis=0) ** 2))
     return total
 
 

@@ -24,9 +24,12 @@ from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.data_checks import POORLY_EXCITED
 from sysid.polynomial.offset_test import MISSING_OFFSET
 from sysid.polynomial.response_features import response_features
+from sysid.polynomial.trends import LINE, best_degree
 from sysid.records.arrays import ComplexArray
+from sysid.records.data import complete_parts
 from sysid.records.excited_band import excited_band
 from sysid.records.printing import AT_ZERO, poles_table
+from sysid.selection.structure_search import SEARCHED
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
 from sysid.validation.slow_response import LEVEL, SlowResponse
@@ -62,6 +65,8 @@ SAME_SAMPLE = (
     "; input and output of the same sample depend on each other: unless a controller computes the input from that "
     "output, --direct gives a model with a direct term"
 )
+
+DRIFT = "; beside its response to the input the output follows a straight line: --trend (arx, armax, oe, bj) fits one"
 
 GRID = 50
 """Frequencies, up to the highest that the input excites, at which the largest gain is looked for."""
@@ -201,7 +206,10 @@ def verdict(result: Identification) -> str:
     Tests alone would accept models of which the noise model does all the work: it follows any output one step ahead.
     Simulated from the input alone, a sufficient model explains the output at least by half.
     """
-    return _judgement(result) + (SAME_SAMPLE if result.same_sample else "")
+    words = _judgement(result)
+    if words.startswith("not sufficient") and _drifts(result):
+        words += DRIFT
+    return words + (SAME_SAMPLE if result.same_sample else "")
 
 
 def _judgement(result: Identification) -> str:
@@ -250,6 +258,14 @@ def _judgement(result: Identification) -> str:
             words = "the residuals are white and independent of the input"
         return f"sufficient{above}: {words}; simulated fit {fits}{hidden}"
     return f"{words}; simulated fit {fits}"
+
+
+def _drifts(result: Identification) -> bool:
+    """Whether the output has a straight line that the model lacks: residual tests would name other things."""
+    estimate, parts = result.fitted.estimate, complete_parts(result.fitted.parts)
+    if parts[0].ny > 1 or "slopes" in estimate.diagnostics or result.fitted.is_unstable:
+        return False
+    return best_degree(parts, SEARCHED) == LINE
 
 
 def _no_better_than_command(result: Identification) -> str:

@@ -29,7 +29,7 @@ from sysid.polynomial.polynomial_estimate import COLOUR, ILL_CONDITIONED, direct
 from sysid.polynomial.prediction_error import coloured_information, levenberg_marquardt
 from sysid.records.arguments import real_number, shown, truth_value, whole_number
 from sysid.records.arrays import FloatArray, real_array
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData, as_experiments, complete_parts
 from sysid.records.errors import SysidError, warn_each
 
 AT_THE_LIMIT = 4.0  # times the least distance of poles from the imaginary axis, within which they are at the limit
@@ -156,7 +156,7 @@ def longest_delay(experiments: Sequence[IOData]) -> float:
     shortest = _shortest(experiments)
     limit = min(LONGEST_DELAY, shortest // 10)
     if experiments[0].nu * experiments[0].ny == 1:
-        parts = list(itertools.chain.from_iterable(e.complete_parts() for e in experiments))
+        parts = complete_parts(experiments)
         far = far_delay(parts, limit) if parts else None
         if far is not None:
             limit = min(far + LONGEST_DELAY, shortest // 2)

@@ -155,6 +155,10 @@ class IOData(Labelled, Locked):
         """
         return Experiments((self,)) + other
 
+    def __radd__(self, other: object) -> "Experiments":
+        """So that `sum(records)`, which begins at 0, joins them as well."""
+        return Experiments((self,)) if isinstance(other, int) and other == 0 else NotImplemented
+
     def plot(self) -> Any:
         """Outputs over inputs, a panel per channel, as a matplotlib figure; see `sysid.plots.record` for options."""
         return _plotters[-1](self)
@@ -323,6 +327,10 @@ class Experiments(tuple[IOData, ...]):
             return NotImplemented
         return joined((*self, *further))
 
+    def detrend(self, order: int = 0) -> "Experiments":
+        """Every experiment without its own polynomial in time (0: its mean), as `IOData.detrend` removes it."""
+        return Experiments(experiment.detrend(order) for experiment in self)
+
     def __str__(self) -> str:
         """One line per experiment."""
         return "\n".join(str(experiment) for experiment in self)
@@ -356,6 +364,11 @@ _plotters: list[Callable[[Any], Any]] = []
 def register_plotter(plot: Callable[[Any], Any]) -> None:
     """Say what draws records; the figures belong to a room that builds on this one."""
     _plotters.append(plot)
+
+
+def complete_parts(experiments: "Sequence[IOData]") -> "list[IOData]":
+    """Parts of experiments without missing samples, in their sequence."""
+    return [part for experiment in experiments for part in experiment.complete_parts()]
 
 
 def as_experiments(

@@ -20,10 +20,10 @@ from sysid.polynomial.trends import LINE, OFFSET, best_degree, level
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arguments import shown, truth_value, whole_number
 from sysid.records.arrays import Locked
-from sysid.records.data import IOData, as_experiments
+from sysid.records.data import IOData, as_experiments, complete_parts
 from sysid.records.errors import Message, SysidError, SysidWarning
 from sysid.records.printing import Part, Table
-from sysid.selection.loop import Loop, complete_parts
+from sysid.selection.loop import Loop
 from sysid.selection.simulation_ranking import SimulationRanking, better_in_simulation
 from sysid.selection.structure_search import (
     HARDLY_TOLD,

@@ -2,11 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain
 
 import numpy as np
 
-from sysid.records.data import IOData
+from sysid.records.data import IOData, complete_parts
 from sysid.validation.feedback import feedback_p, interchanged
 
 INTERCHANGED = "; nothing shows that it acts on them: are input and output interchanged?"
@@ -70,11 +69,6 @@ class Loop:
     def allows_direct_term(self) -> bool:
         """Whether nothing shows that a direct term would be that of a controller."""
         return not (self.is_closed or self.is_at_once)
-
-
-def complete_parts(experiments: Sequence[IOData]) -> list[IOData]:
-    """Experiments without gaps."""
-    return list(chain.from_iterable(e.complete_parts() for e in experiments))
 
 
 def _least_p(parts: Sequence[IOData], *, direct: bool = True) -> float:

@@ -29,10 +29,9 @@ from sysid.polynomial.prediction_error import InitialEstimate, Linearisation, Mi
 from sysid.polynomial.trends import LINE, OFFSET, Levelled, level
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
-from sysid.records.data import IOData
+from sysid.records.data import IOData, complete_parts
 from sysid.records.errors import SysidError
 from sysid.records.resolution import resolution
-from sysid.selection.loop import complete_parts
 from sysid.selection.slow_modes import least_drive, slow_poles, slow_radius
 from sysid.subspace import n4sid, pem_ss
 from sysid.validation.structure_scan import Order, parameter_count

@@ -16,7 +16,7 @@ from sysid.models.state_space import StateSpace
 from sysid.polynomial.correlation import autoregression
 from sysid.polynomial.regressors import lagged
 from sysid.records.arrays import FloatArray, Locked
-from sysid.records.data import IOData
+from sysid.records.data import IOData, complete_parts
 from sysid.records.errors import SysidError
 from sysid.records.printing import AT_ZERO
 from sysid.records.singular_values import svd
@@ -149,7 +149,7 @@ class _Terms:
 
 def _tested_parts(data: Sequence[IOData]) -> list[IOData]:
     """Parts without gaps, the longest first, together at most `LONGEST` samples."""
-    parts = [part for record in data for part in record.complete_parts()]
+    parts = complete_parts(data)
     parts.sort(key=len, reverse=True)
     kept, room = [], LONGEST
     for part in parts:

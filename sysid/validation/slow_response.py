@@ -16,7 +16,7 @@ from sysid.models.predict import aligned, predict
 from sysid.polynomial.least_squares import solve
 from sysid.polynomial.regressors import lagged, output_lags
 from sysid.records.arrays import FloatArray
-from sysid.records.data import IOData
+from sysid.records.data import IOData, complete_parts
 
 SHARES = (0.5, 1, 2, 4, 8, 16, 32)
 """Time constants that are tried, in parts of the longest record: up to two records."""
@@ -83,7 +83,7 @@ def slow_response(model: AnyModel, data: Sequence[IOData]) -> tuple[SlowResponse
     model = aligned(as_model(model, first), first)
     if not model.is_stable():
         return ()
-    parts = [part for record in data for part in record.complete_parts() if len(part) > 4 * LAGS]
+    parts = [part for part in complete_parts(data) if len(part) > 4 * LAGS]
     if not parts:
         return ()
     width = max(-(-max(map(len, parts)) // LONGEST), 1)

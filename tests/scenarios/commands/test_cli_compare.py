@@ -152,7 +152,7 @@ def test_the_table_and_the_figure(printed, logs, tmp_path):
         (["--models", "oe:2/x"], "expected whole orders apart by slashes"),
         (["--models", "oe:²/2/1"], "expected whole orders apart by slashes"),
         (["--models", "oe:٢/2/1"], "expected whole orders apart by slashes"),
-        (["--models", f"oe:{'9' * 5000}/2"], "of 4 digits at most"),
+        (["--models", f"oe:{'9' * 5000}/2"], "of 9 digits at most"),
         (["--models", "truth:x"], "model 'truth:x': the truth has no name or orders"),
         (["--models", "okd:2"], "did you mean 'okid'?"),
         (["--models", "5.10"], "did you mean 'published:5.10'?"),
@@ -189,6 +189,7 @@ def test_what_a_foreign_table_cannot_be_laid_beside(complaint, csv, logs):
 
 def test_names_are_understood():
     assert parse_model_name("armax:5,3,5/2").orders == (5, 3, 5, 2)
+    assert parse_model_name("procest:P1D").orders == ("P1D",)
     assert parse_model_name("published:4.7+4.9").name == "4.7+4.9"
     assert parse_model_name("truth").kind == "truth"
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from scenarios.identification.identification import identify
 from scenarios.identification.order_choice import choose_and_identify, hold_out
 from scenarios.identification.result_tables import model_rows, verdict
 from sysid import IOData, Polynomials
@@ -156,9 +157,28 @@ def test_a_sufficient_verdict_says_how_large_a_slow_part_the_disturbance_may_hid
     assert not path.is_shown
     share = path.possible_gain / result.fitted.gain[0, 0]
     assert share > 0.2
-    assert verdict(result).startswith("sufficient")
-    hidden = f"a slow part of the response (time constant 12 s) of up to {100 * share:.0f} % of the gain at 0 Hz"
+    # from there on such a lag changes the response by less than a fifth
+    least = share / (0.2 * 2.0 * np.pi * 12.0)
+    assert verdict(result).startswith(f"sufficient above {least:.2g} Hz")
+    hidden = (
+        "below that frequency the disturbance could hide a slow part of the response (time constant 12 s) of up to "
+        f"{100 * share:.0f} % of the gain at 0 Hz"
+    )
     assert verdict(result).partition("; simulated fit ")[2].partition("; ")[2].startswith(hidden)
+
+
+def test_a_drift_that_a_model_of_given_orders_lacks_is_named():
+    """Residual tests named nonlinearity and feedback."""
+    rng = np.random.default_rng(1)
+    u = held(rng, 1200, 20)
+    y = lfilter([0.0, 0.3], [1.0, -0.8], u)
+    records = [IOData(u, y + 0.03 * rng.standard_normal(1200) + slope * np.arange(1200), 0.02) for slope in (4e-3, 0.0)]
+    for method, orders in (("oe", (1, 1, 1)), ("arx", (1, 1, 1)), ("tfest", (1, 0))):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            drifting, steady = (verdict(identify([record], method, orders)) for record in records)
+        assert drifting.startswith("not sufficient") and "--trend" in drifting
+        assert "--trend" not in steady
 
 
 def lead_lag(u, noise, rng):

@@ -56,3 +56,13 @@ def test_figures_have_a_panel_for_each_channel_and_a_line_for_each_experiment():
     assert [axes.get_ylabel() for axes in figure.axes] == ["elbow / rad", "u1 / V"]
     several = (record + _record(2, output_names=("elbow",))).plot()
     assert [text.get_text() for text in several.legends[0].get_texts()] == ["experiment 1", "experiment 2"]
+
+
+def test_sum_joins_records_and_each_loses_its_own_mean():
+    one, other = _record(1), _record(2).subtract(y=-5.0)
+    together = sum([one, other])
+    assert list(map(len, together)) == [200, 200]
+    for experiment in together.detrend():
+        np.testing.assert_allclose(experiment.y.mean(axis=0), 0.0, atol=1e-12)
+    with pytest.raises(TypeError):
+        3 + one
