@@ -192,7 +192,8 @@ def identify(
     say_each("figure: ", pictures)
     if report is not None:
         say_each("report: ", [report])
-    _say_next(options, found.chosen_options, save, has_figures=bool(pictures))
+    goes_on = bool(pictures) or found.choice is not None
+    _say_next(options, found.chosen_options, save, goes_on=goes_on)
     return 0
 
 
@@ -216,15 +217,15 @@ def _with_methods(text: str) -> str:
 identify.__doc__ = _with_methods(identify.__doc__ or "")
 
 
-def _say_next(options: Mapping[str, Any], chosen: Mapping[str, Any], save: Path | None, *, has_figures: bool) -> None:
+def _say_next(options: Mapping[str, Any], chosen: Mapping[str, Any], save: Path | None, *, goes_on: bool) -> None:
     """Write the command that goes on from here: save the model, then compare it with others on the same record.
 
-    A choice is written out: the command gives the same model at once.
+    A choice is written out, so that the command gives the same model at once; one with cautions is repeated.
     """
     first, joint = options["data"][0], options["joint"]
     # What was asked for once, figures and the consent to replace files, is not repeated.
     again = {**options, **chosen, "out": None, "overwrite": False}
-    if save is None and (has_figures or chosen):
+    if save is None and goes_on:
         again["save"] = Path(f"{first.stem}.json")
         say(f"next: {command_line('hmtb identify', identify, again)}")
     elif save is not None and save.suffix == ".json":

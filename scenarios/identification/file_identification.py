@@ -58,8 +58,11 @@ class FileIdentification:
 
     @property
     def chosen_options(self) -> dict[str, object]:
-        """Options of `identify_files` that give the chosen model again; empty where nothing was chosen."""
-        if self.choice is None:
+        """Options of `identify_files` that give the chosen model again; empty where nothing was chosen.
+
+        What the choice says against its model, given orders would not say: then it is repeated.
+        """
+        if self.choice is None or self.choice.cautions:
             return {}
         fitted, trend = self.result.fitted, self.choice.candidates[0].trend_options
         estimator = ESTIMATORS[fitted.estimate.method]

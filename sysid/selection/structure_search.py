@@ -161,7 +161,7 @@ class Candidate:
         if self.doubt:
             return self.doubt
         if self.vague_offset:
-            return "a level far outside the record"
+            return "a constant far outside the record: it stands for a drift"
         if not self.drive >= DRIVEN:
             return "follows a disturbance by a slow mode"
         if self.radius >= 1.0:
