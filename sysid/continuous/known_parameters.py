@@ -62,6 +62,8 @@ def _checked_value(name: str, own_name: str, value: object, structure: PathStruc
         return known
     if own_name == "Td" and known < 0.0:
         raise SysidError(f"fixed: {name}: expected a delay >= 0 in s, got {known:g}")
+    if own_name.startswith("Kp") and known == 0.0:
+        raise SysidError(f"fixed: {name}: expected a gain other than 0, without which nothing else of the path shows")
     if own_name.startswith(("Tp", "Tw", "Zeta")) and known <= 0.0:
         raise SysidError(f"fixed: {name}: expected a value > 0, as every stable model has, got {known:g}")
     return known

@@ -107,6 +107,7 @@ def test_two_inputs_and_outputs_have_known_parameters_by_path():
         ({"Kp": "2"}, "Kp must be a finite number, got '2'"),
         ({"Td": 1e5}, "delay must lie between 0 and half the shortest record"),
         ({"Td": -0.1}, "Td: expected a delay >= 0"),
+        ({"Kp": 0}, "Kp: expected a gain other than 0"),
         ({"Kp": 2.0, "Tp1": 3.0, "Tp2": 0.8, "Td": 0.5}, "holds every parameter"),
         (["Kp"], "expected values by parameter"),
     ],
