@@ -89,7 +89,7 @@ class FileIdentification:
                 options: dict[str, object] = dict(candidate.trend_options)
                 if any(candidate.weighting):
                     options["weighting"] = candidate.weighting
-                criteria = {"ebic": candidate.ebic - best.ebic, "loss": candidate.loss}
+                criteria = {"bic": candidate.bic - best.bic, "loss": candidate.loss}
                 candidates.append({"method": candidate.method, "orders": candidate.orders, **options, **criteria})
             record["choice"] = {"reason": self.choice.reason, "candidates": candidates}
         return record

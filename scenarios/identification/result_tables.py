@@ -29,7 +29,6 @@ from sysid.records.arrays import ComplexArray
 from sysid.records.data import complete_parts
 from sysid.records.excited_band import excited_band
 from sysid.records.printing import AT_ZERO, poles_table
-from sysid.selection.structure_search import SEARCHED
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
 from sysid.validation.slow_response import LEVEL, SlowResponse
@@ -119,11 +118,11 @@ def _candidate_table(choice: StructureChoice) -> ResultTable:
     best = choice.candidates[0]
     rows = []
     for candidate in choice.candidates[:BEST]:
-        above_best = candidate.ebic - best.ebic
+        above_best = candidate.bic - best.bic
         cells = (f"{candidate.parameters}", f"{candidate.loss:.4g}", f"{above_best:.1f}", candidate.remark)
         rows.append((str(candidate), *cells))
     title = f"Candidates, the best {len(rows)} of {len(choice.candidates)}"
-    return ResultTable(title, ("", "parameters", "loss", "EBIC relative to the best", ""), tuple(rows))
+    return ResultTable(title, ("", "parameters", "loss", "BIC relative to the best", ""), tuple(rows))
 
 
 def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
@@ -265,7 +264,7 @@ def _drifts(result: Identification) -> bool:
     estimate, parts = result.fitted.estimate, complete_parts(result.fitted.parts)
     if parts[0].ny > 1 or "slopes" in estimate.diagnostics or result.fitted.is_unstable:
         return False
-    return best_degree(parts, SEARCHED) == LINE
+    return best_degree(parts) == LINE
 
 
 def _no_better_than_command(result: Identification) -> str:

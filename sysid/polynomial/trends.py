@@ -90,14 +90,13 @@ def subtract_lines(
     return tuple(without)
 
 
-def best_degree(experiments: Sequence[IOData], penalty: float) -> int:
-    """Degree of the trend that an ARX model of many lags needs, by an information criterion; -1 if none.
+def best_degree(experiments: Sequence[IOData]) -> int:
+    """Degree of the trend that an ARX model of many lags needs, by BIC [Schwarz1978]; -1 if none.
 
     Without noise it is the lowest degree that fits exactly. Too few samples for such a model need none.
 
     Args:
         experiments: Records without gaps.
-        penalty: Of a parameter, beside the logarithm of the number of equations.
     """
     nu, count = experiments[0].nu, len(experiments)
     lags = _arx_lags(experiments)
@@ -123,7 +122,7 @@ def best_degree(experiments: Sequence[IOData], penalty: float) -> int:
     exact = [k for k, value in enumerate(squares) if value <= EXACT * lengths[-1] ** 2]
     if exact:
         return exact[0] + NO_TREND
-    criteria = [rows * np.log(value) + k * count * (np.log(rows) + penalty) for k, value in enumerate(squares)]
+    criteria = [rows * np.log(value) + k * count * np.log(rows) for k, value in enumerate(squares)]
     return int(np.argmin(criteria)) + NO_TREND
 
 

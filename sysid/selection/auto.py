@@ -28,7 +28,6 @@ from sysid.selection.simulation_ranking import SimulationRanking, better_in_simu
 from sysid.selection.structure_search import (
     HARDLY_TOLD,
     ORDERS,
-    SEARCHED,
     Candidate,
     Experiments,
     StructureSearch,
@@ -40,7 +39,7 @@ from sysid.validation.resid import resid
 LISTED = 8  # candidates that a printed choice lists
 
 STRETCHES = 2  # parts of a long experiment on which candidates are compared, spread over it
-TOLD = 0.05  # difference in EBIC that a reason in words tells
+TOLD = 0.05  # difference in BIC that a reason in words tells
 TRIED = 5  # best candidates of which one may turn out unstable
 HIGH_ORDER = 20  # of the autoregressive model that shows a nonlinearity before the search
 NONLINEAR_LARGEST = 5  # order that is tried beside a nonlinearity, which buys any order
@@ -101,7 +100,7 @@ class StructureChoice(Locked):
             ("candidate", [str(candidate) for candidate in listed]),
             ("parameters", [str(candidate.parameters) for candidate in listed]),
             ("loss", [f"{candidate.loss:.4g}" for candidate in listed]),
-            ("EBIC above", [f"{candidate.ebic - best.ebic:.1f}" for candidate in listed]),
+            ("BIC above", [f"{candidate.bic - best.bic:.1f}" for candidate in listed]),
         ]
         if np.isfinite(best.validation):
             columns.append(("validation", [f"{candidate.validation:.4g}" for candidate in listed]))
@@ -135,7 +134,7 @@ def auto(
     Where oe is asked for alone, the model of the disturbance that the criterion would add weights its errors
     (`weighting=` of `oe`), unless the residuals object to the path.
 
-    The criterion is the extended BIC [ChenChen2008] on the same samples for all, which counts the initial states, or
+    The criterion is the BIC [Schwarz1978] on the same samples for all, which counts the initial states, or
     the error of the simulated validation outputs where there are such data. Modes with a time constant above a third
     of the record are of the model only if the input drives them: else they follow a disturbance. A pole outside the
     unit circle must be surely outside.
@@ -390,7 +389,7 @@ def _reason_of_simulation(
     delays = ", ".join(map(str, climb.delays))
     return (
         f"{simulated.candidate}: in simulation of a part that it was not fitted to, its error is "
-        f"{simulated.ratio:.3g} times that of {ranked[0]}, which has the lowest EBIC of {len(ranked)} candidates on "
+        f"{simulated.ratio:.3g} times that of {ranked[0]}, which has the lowest BIC of {len(ranked)} candidates on "
         f"{climb.search.samples} of {samples} samples; delays by delayest: {delays} samples"
     )
 
@@ -422,17 +421,17 @@ def _cautions(climb: Climb, loop: Loop, best: Candidate, slower: str) -> tuple[s
 
 def _slower(climb: Climb, ranked: Sequence[Candidate]) -> str:
     """Candidate with a slow mode that was refused although it fits better than all without, in words; empty if none."""
-    best_of_others = min((one.ebic for one in ranked if np.isinf(one.drive) and one.eligible), default=-np.inf)
+    best_of_others = min((one.bic for one in ranked if np.isinf(one.drive) and one.eligible), default=-np.inf)
     slow = [one for one in ranked if one.creeps and not one.doubt]
-    rival = min(slow, key=lambda one: one.ebic, default=None)
+    rival = min(slow, key=lambda one: one.bic, default=None)
     # the best may have such a mode itself, and was chosen with it
     if rival is None or np.isfinite(ranked[0].drive) or climb.search.validation or not ranked[0].eligible:
         return ""
-    difference = best_of_others - rival.ebic
+    difference = best_of_others - rival.bic
     if difference <= HARDLY_TOLD:
         return ""
     return (
-        f"{rival} fits better (EBIC {difference:.0f} lower) by a mode slower than a third of the record: part of the "
+        f"{rival} fits better (BIC {difference:.0f} lower) by a mode slower than a third of the record: part of the "
         "response, which changes the gain at 0 Hz, or a disturbance; a longer record would tell"
     )
 
@@ -591,7 +590,7 @@ def _trends(experiments: Experiments, offset: bool | None, trend: bool | None) -
     tried.insert(0, NO_TREND)
     # a constant in the equation of an integrator is a line in its output: the search begins with that, and a line that
     # is not needed goes with the other superfluous parameters
-    needs_none = best_degree(complete_parts(experiments), SEARCHED) == NO_TREND
+    needs_none = best_degree(complete_parts(experiments)) == NO_TREND
     first = NO_TREND if needs_none else tried[-1]
     return (first, *(degree for degree in tried if degree != first))
 
@@ -628,7 +627,7 @@ def _is_far_in_vain(search: StructureSearch, *, largest_near: int) -> bool:
     if _simulation_error(search, best) > WORSE_IN_SIMULATION * _simulation_error(search, near):
         return True
     reach = _delay_of(best) + search.largest
-    return search.ebic_behind(near, reach) < search.ebic_behind(best, reach)
+    return search.bic_behind(near, reach) < search.bic_behind(best, reach)
 
 
 def _simulation_error(search: StructureSearch, candidate: Candidate) -> float:
@@ -727,17 +726,17 @@ def _unlike_delays(estimate: DelayEstimate | None, order: int) -> str:
 def _reason(search: StructureSearch, ranked: tuple[Candidate, ...], delays: tuple[int, ...], total: int) -> str:
     """Reason in words why the best candidate is chosen."""
     best, validated = ranked[0], bool(search.validation)
-    criterion = "the least error in simulation of the validation data" if validated else "the lowest EBIC"
-    lower = [] if validated else [one for one in ranked if one.ebic < best.ebic - TOLD]
+    criterion = "the least error in simulation of the validation data" if validated else "the lowest BIC"
+    lower = [] if validated else [one for one in ranked if one.bic < best.bic - TOLD]
     if lower:
         criterion += " of those that may be chosen"
     reason = f"{best}: {criterion} of {len(ranked)} candidates, compared on {search.samples} of {total} samples"
     rival = next((candidate for candidate in ranked if candidate.method != best.method), None)
     if lower:
-        refused = min(lower, key=lambda one: one.ebic)
-        reason += f"; {refused}, {best.ebic - refused.ebic:.1f} lower, is refused: {refused.reservation}"
+        refused = min(lower, key=lambda one: one.bic)
+        reason += f"; {refused}, {best.bic - refused.bic:.1f} lower, is refused: {refused.reservation}"
     elif rival is not None and rival.eligible:
-        gap = f"{rival.ebic - best.ebic:.1f} above"
+        gap = f"{rival.bic - best.bic:.1f} above"
         if validated:
             gap = f"{rival.validation / best.validation:.3g} times"
         reason += f"; the next method is {rival}, {gap}"

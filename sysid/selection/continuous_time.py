@@ -28,7 +28,7 @@ from sysid.records.errors import SysidError
 from sysid.selection.auto import StructureChoice, stretches
 from sysid.selection.loop import Loop
 from sysid.selection.slow_modes import slow_radius
-from sysid.selection.structure_search import FAR, HARDLY_TOLD, SEARCHED, SLOW, Candidate, largest_ratio
+from sysid.selection.structure_search import FAR, HARDLY_TOLD, SLOW, Candidate, largest_ratio
 
 WORSE = 2
 """Numbers of poles in a row without a better criterion, after which no larger one is tried."""
@@ -67,7 +67,7 @@ UNFIT = 1e9
 """What stands above the criterion of a candidate that follows a disturbance, so that it comes last."""
 
 SIMPLER = 1.0
-"""EBIC by which a candidate must be better than a simpler one: rounding and unfinished searches differ by less."""
+"""BIC by which a candidate must be better than a simpler one: rounding and unfinished searches differ by less."""
 
 
 def choose_tfest(
@@ -79,7 +79,7 @@ def choose_tfest(
     two best lose zeros, and the delay. Where the output depends on the input of the same sample, which no controller
     computes from it, models with as many zeros as poles come too.
 
-    The criterion is the extended BIC [ChenChen2008] of output errors of any colour: of their values whitened by an
+    The criterion is the BIC [Schwarz1978] of output errors of any colour: of their values whitened by an
     autoregressive model, whose coefficients count as parameters, as do initial states and constants.
 
     Args:
@@ -110,7 +110,7 @@ def choose_tfest(
     for structure in search.best_structures(2, within=FAR):
         fewer = range(structure.zeros - 1, -1, -1)
         fewer_zeros = [RationalPath(structure.poles, zeros, None) for zeros in fewer]
-        search.fit_while_better(fewer_zeros, search.ebic_of(structure) + FAR)
+        search.fit_while_better(fewer_zeros, search.bic_of(structure) + FAR)
     (best,) = search.best_structures(1)
     search.fit(RationalPath(best.poles, best.zeros, 0.0))
     if Loop.of(search.all_data, direct=False).is_direct:
@@ -329,8 +329,8 @@ def _rank(fit: _Fit) -> float:
     """Criterion of a fit, larger where it has slow modes, which may follow a disturbance."""
     candidate = fit.candidate
     if not candidate.eligible:
-        return candidate.ebic + UNFIT
-    return candidate.ebic + (SLOW if np.isfinite(candidate.drive) else 0.0)
+        return candidate.bic + UNFIT
+    return candidate.bic + (SLOW if np.isfinite(candidate.drive) else 0.0)
 
 
 @dataclass(eq=False)
@@ -385,7 +385,7 @@ class _CandidateSearch:
     @property
     def least(self) -> float:
         """Least criterion; infinite where nothing is fitted yet."""
-        return min((fit.candidate.ebic for fit in self.fits), default=np.inf)
+        return min((fit.candidate.bic for fit in self.fits), default=np.inf)
 
     def data_of(self, structure: PathStructure, *, whole: bool = True) -> tuple[IOData, ...]:
         """The experiments that a structure is fitted to; an integrator's as they were before means were removed."""
@@ -416,13 +416,13 @@ class _CandidateSearch:
     def best_structures(self, count: int, within: float = np.inf) -> list[PathStructure]:
         """Structures of the best fits, whose criteria lie within so much of the best."""
         ranked = self.ranked()
-        limit = ranked[0].candidate.ebic + within
-        return [fit.structure for fit in ranked[:count] if fit.candidate.ebic <= limit]
+        limit = ranked[0].candidate.bic + within
+        return [fit.structure for fit in ranked[:count] if fit.candidate.bic <= limit]
 
     @property
     def slowest(self) -> float:
         """Longest time constant of the fit with the least criterion, s."""
-        poles = self._poles_of(min(self.ranked(), key=lambda fit: fit.candidate.ebic))
+        poles = self._poles_of(min(self.ranked(), key=lambda fit: fit.candidate.bic))
         return float(np.max(-1.0 / poles.real, initial=0.0))
 
     @property
@@ -436,11 +436,11 @@ class _CandidateSearch:
         poles = self._input_path(fit.criterion, fit.theta).poles()
         return poles[np.abs(poles) > 0.0]
 
-    def ebic_of(self, structure: PathStructure) -> float:
+    def bic_of(self, structure: PathStructure) -> float:
         """Criterion of a structure; infinite where it could not be fitted."""
         for fit in self.fits:
             if fit.structure == structure:
-                return fit.candidate.ebic
+                return fit.candidate.bic
         return np.inf
 
     def ends_in_fast_poles(self) -> bool:
@@ -455,7 +455,7 @@ class _CandidateSearch:
         before = limit
         for structure in structures:
             self.fit(structure)
-            criterion = self.ebic_of(structure)
+            criterion = self.bic_of(structure)
             if criterion > before or np.isinf(criterion):
                 break
             before = criterion
@@ -531,7 +531,7 @@ class _CandidateSearch:
         """Parameters at which the search of a structure begins: of smaller ones, and by SRIVC at their delays."""
         structure = criterion.structures[0]
         nearest, no_delay = [], np.zeros(len(criterion.structures))
-        for fit in sorted(self.fits, key=lambda fit: fit.candidate.ebic):
+        for fit in sorted(self.fits, key=lambda fit: fit.candidate.bic):
             if fit.structure.integrators == structure.integrators:
                 nearest.append(fit)
         starts = []
@@ -587,7 +587,7 @@ class _CandidateSearch:
         tables = [criterion.columns(experiment, at.theta)[0] for experiment in criterion.experiments]
         middle = coloured_information(tables, min(COLOUR, at.errors // 20), half) if squares else np.eye(half.shape[1])
         parameters = float(np.trace(middle)) / half.shape[1] * (len(at.theta) + at.transients)
-        ebic = 2.0 * samples * np.log(deviation) + parameters * (np.log(samples) + SEARCHED)
+        bic = 2.0 * samples * np.log(deviation) + parameters * np.log(samples)
         poles = self._input_path(criterion, at.theta).poles()
         # the pole of an integrator is where its structure has it
         poles = poles[np.abs(poles) > 0.0]
@@ -598,7 +598,7 @@ class _CandidateSearch:
         is_fast = float(np.abs(poles).max(initial=0.0)) * criterion.experiments[0].dt > FASTEST
         doubt = "a pole faster than samples show" if is_fast else ""
         orders = self._orders(structure)
-        return Candidate(self.method, orders, len(at.theta), loss, ebic, np.nan, radius, drive, doubt=doubt)
+        return Candidate(self.method, orders, len(at.theta), loss, bic, np.nan, radius, drive, doubt=doubt)
 
     def _counted_errors(self, criterion: OutputError, experiment: IOData, theta: FloatArray) -> FloatArray:
         """Errors of an experiment behind the longest delay of any candidate, which all have."""
@@ -626,7 +626,7 @@ class _CandidateSearch:
         ranked = self.ranked()
         best = ranked[0]
         samples, total = sum(map(len, self.compared)), sum(map(len, self.all_data))
-        criterion = "the lowest EBIC of output errors of any colour"
+        criterion = "the lowest BIC of output errors of any colour"
         candidates = tuple(fit.candidate for fit in ranked)
         return StructureChoice(
             estimate=estimate(best.structure, best.theta),
@@ -652,7 +652,7 @@ class _CandidateSearch:
         """Largest ratios of gain and bandwidth between the best candidate and those that are hardly worse."""
         models = []
         for fit in ranked:
-            is_near = fit.candidate.ebic < ranked[0].candidate.ebic + HARDLY_TOLD
+            is_near = fit.candidate.bic < ranked[0].candidate.bic + HARDLY_TOLD
             if fit.candidate.eligible and is_near:
                 models.append(self._input_path(fit.criterion, fit.theta))
         if not models or any(not np.isfinite(model.dc_gain()).all() for model in models):

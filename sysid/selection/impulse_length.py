@@ -38,7 +38,7 @@ def choose_impulseest(data: IOData | Sequence[IOData], *, nk: int = 1) -> Struct
         nk: First lag, samples.
 
     Returns:
-        The model with the orders n, nk and kernel, and those of the other kernels, whose `ebic` is -2 times the
+        The model with the orders n, nk and kernel, and those of the other kernels, whose `bic` is -2 times the
         logarithm of the marginal likelihood. Where the response has not decayed, `cautions` says so.
 
     Raises:
@@ -61,7 +61,7 @@ def choose_impulseest(data: IOData | Sequence[IOData], *, nk: int = 1) -> Struct
         orders = {"n": n, "nk": nk, "kernel": kernel}
         evidence = -2.0 * float(fit.diagnostics["evidence"])
         candidates.append(Candidate("impulseest", orders, len(fit.parameters), fit.loss, evidence, np.nan, 0.0))  # type: ignore[arg-type]
-    ranked = sorted(candidates, key=lambda candidate: candidate.ebic)
+    ranked = sorted(candidates, key=lambda candidate: candidate.bic)
     kernel = KERNELS[candidates.index(ranked[0])]
     estimate = impulseest(experiments, n, nk, kernel=kernel)
     caution = ""

@@ -41,13 +41,9 @@ Rung = TypeVar("Rung")
 
 PATIENCE = 2  # orders in a row that are tried beyond the best of a structure
 
-SEARCHED = 1.0
-"""Penalty of a parameter beyond Schwarz's log(N): with more parameters there are more structures to choose from, about
-exp(p) times as many with p of some ten coefficients, which count by half (gamma = 0.5) [ChenChen2008]."""
-
-FAR = 100.0  # EBIC above the best from which on a structure does not climb again from the shortest delays
+FAR = 100.0  # BIC above the best from which on a structure does not climb again from the shortest delays
 LOW, PLAINEST = 3, "oe"  # orders of the method that climbs from the shortest delays in any case
-NEAR = 30.0  # EBIC above the best up to which a family is refined: some five superfluous parameters
+NEAR = 30.0  # BIC above the best up to which a family is refined: some five superfluous parameters
 REFINED = 8  # rounds of changes of single orders, at most
 STEPS = 15  # iterations of a candidate, at most: those that are far too large take the most, and are not chosen
 FURTHER_STEPS = 60  # iterations by which the search of one of the best candidates is continued, at most
@@ -64,11 +60,11 @@ LIMIT = 1.0 - 1e-6
 """Radius at which roots of starts are kept; roots of the input path beyond it are at the edge of stability."""
 
 DRIVEN = 30.0
-"""Evidence from which on a slow mode counts as driven by the input: that of a parameter worth 30 in EBIC, far beyond
+"""Evidence from which on a slow mode counts as driven by the input: that of a parameter worth 30 in BIC, far beyond
 what the best of a hundred candidates reaches by chance."""
 
 SLOW = 100.0
-"""EBIC by which a candidate with slow modes must be better than any without: models of the noise come within some tens
+"""BIC by which a candidate with slow modes must be better than any without: models of the noise come within some tens
 of one that follows a disturbance, and nowhere near a plant that integrates."""
 
 FAR_LEVEL = 3.0
@@ -78,7 +74,7 @@ BESIDE_ONE = 1.5
 """Distance of a slow pole from 1, relative to the largest of a real one, up to which it creeps."""
 
 HARDLY_TOLD = 6.0
-"""EBIC above the best up to which the evidence against a candidate is positive and no more [KassRaftery1995]."""
+"""BIC above the best up to which the evidence against a candidate is positive and no more [KassRaftery1995]."""
 
 DEVIATIONS = 4.0  # of the modulus of a pole outside the unit circle, from which on a plant counts as unstable
 
@@ -111,7 +107,7 @@ class Candidate:
         parameters: Number of parameters.
         loss: Mean square of the one-step errors on the samples that all candidates share; with several outputs the
             ny-th root of the determinant of their covariance.
-        ebic: Extended BIC, N log det(R) + p (log(N) + `SEARCHED`): a difference of 10 is strong evidence
+        bic: N log det(R) + p log(N) [Schwarz1978]: a difference of 10 is strong evidence
             [KassRaftery1995].
         validation: Mean square error of the simulated validation outputs, each over its variance; NaN without such
             data.
@@ -131,7 +127,7 @@ class Candidate:
     orders: Mapping[str, Order]
     parameters: int
     loss: float
-    ebic: float
+    bic: float
     validation: float
     radius: float
     drive: float = np.inf
@@ -170,7 +166,7 @@ class Candidate:
 
     @property
     def reservation(self) -> str:
-        """Why it may make way for one with a larger EBIC, in words; empty if it does not."""
+        """Why it may make way for one with a larger BIC, in words; empty if it does not."""
         if self.doubt or self.vague_offset or not self.eligible:
             return self.remark
         if np.isfinite(self.drive):
@@ -207,7 +203,7 @@ class StructureSearch:
 
     Attributes:
         experiments: Records to fit.
-        validation: Records whose simulation decides; empty: the extended BIC decides.
+        validation: Records whose simulation decides; empty: the BIC decides.
         largest: Largest order tried.
         methods: Structures tried, of one output.
         candidates: Candidates so far, in the sequence of their fits.
@@ -318,7 +314,7 @@ class StructureSearch:
         for path, beside_noise in best_of_path.items():
             candidate = self.try_orders(path)
             if candidate is not None:
-                candidates.append(replace(candidate, ebic=beside_noise.ebic))
+                candidates.append(replace(candidate, bic=beside_noise.bic))
         self.candidates = candidates
 
     def climb_states(self, delays: tuple[int, ...] = ()) -> None:
@@ -533,7 +529,7 @@ class StructureSearch:
         self.exact = self.exact or loss <= rounding
         likelihood = self.samples * compared.shape[1] * np.log(max(loss, rounding, self._floor))
         counted = self._counted(count, transients, trend)
-        ebic = float(likelihood + counted * (np.log(self.samples) + SEARCHED))
+        bic = float(likelihood + counted * np.log(self.samples))
         radius = float(np.abs(path.poles()).max(initial=0.0))
         error = self._validation_error(path)
         candidate = Candidate(
@@ -541,7 +537,7 @@ class StructureSearch:
             orders,
             count,
             loss,
-            ebic,
+            bic,
             error,
             radius,
             drive,
@@ -581,8 +577,8 @@ class StructureSearch:
     def _criteria(self, methods: Iterable[str]) -> list[float]:
         return [self.criterion(candidate) for candidate in self.candidates if candidate.method in methods]
 
-    def ebic_behind(self, candidate: Candidate, samples: int) -> float:
-        """EBIC of a candidate with one output on the errors behind so many samples; infinite where there are none.
+    def bic_behind(self, candidate: Candidate, samples: int) -> float:
+        """BIC of a candidate with one output on the errors behind so many samples; infinite where there are none.
 
         A delay leaves the first errors of a record out: on the others its noise may be smaller.
         """
@@ -599,7 +595,7 @@ class StructureSearch:
             return np.inf
         likelihood = len(joined) * np.log(max(float(np.mean(joined**2)), self._rounding, self._floor))
         counted = self._counted(candidate.parameters, candidate.transients, candidate.trend)
-        return float(likelihood + counted * (np.log(len(joined)) + SEARCHED))
+        return float(likelihood + counted * np.log(len(joined)))
 
     def _counted(self, parameters: int, transients: float, trend: int) -> float:
         """Number of parameters that the criterion counts: with those of initial states and trends."""
@@ -614,14 +610,14 @@ class StructureSearch:
         return self.criterion(fit.candidate)
 
     def criterion(self, candidate: Candidate | None) -> float:
-        """Criterion, the less the better: the validation error, else EBIC; infinite for what may not be chosen."""
+        """Criterion, the less the better: the validation error, else BIC; infinite for what may not be chosen."""
         if candidate is None or not candidate.eligible:
             return np.inf
         if self.validation:
             return candidate.validation
         # it makes way for a straight line in its place, and for nothing else
         handicaps = float(np.isfinite(candidate.drive)) + float(candidate.vague_offset)
-        return candidate.ebic + SLOW * handicaps
+        return candidate.bic + SLOW * handicaps
 
     def disagreement(self, ranked: Sequence[Candidate]) -> tuple[float, float]:
         """Largest ratios of gain and bandwidth between the best candidate and those that are hardly worse.
@@ -690,7 +686,7 @@ class StructureSearch:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
-        return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.ebic, c.parameters)))
+        return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.bic, c.parameters)))
 
 
 def largest_ratio(values: Sequence[FloatArray]) -> float:

@@ -109,7 +109,7 @@ def test_method_and_orders_are_chosen_and_judged_on_the_last_quarter(result, pri
     path = table(tmp_path / "auto.csv", {"t": DT * np.arange(len(u)), "u": u, "y": y})
     output = result("identify", path)
     assert (output["method"], output["orders"]) == ("oe", {"nb": 1, "nf": 1, "nk": 2})
-    assert output["samples"] == 1600 and output["choice"]["candidates"][0]["ebic"] == 0.0
+    assert output["samples"] == 1600 and output["choice"]["candidates"][0]["bic"] == 0.0
     assert output["fit"]["simulation"][0] > 90.0
     # the chosen orders are estimated from all samples, unless a part is held out explicitly
     whole = result("identify", path, "--method", "oe", "--orders", 1, 1, 2)

@@ -151,9 +151,9 @@ def test_what_is_no_option_is_refused():
 
 @pytest.mark.parametrize(("offset", "slope", "expected"), [(0.0, 0.0, -1), (4.0, 0.0, 0), (4.0, 0.3, 1)])
 def test_the_degree_of_a_trend_is_found(offset, slope, expected):
-    found = [best_degree([shifted(record(seed), offset, slope)], 2.0) for seed in range(10)]
+    found = [best_degree([shifted(record(seed), offset, slope)]) for seed in range(10)]
     assert found == [expected] * 10
 
 
 def test_too_few_samples_for_an_arx_model_need_no_trend():
-    assert best_degree([record(samples=20)], 2.0) == -1
+    assert best_degree([record(samples=20)]) == -1

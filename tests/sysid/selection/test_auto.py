@@ -45,7 +45,7 @@ def test_the_structure_of_the_noise_is_recognised(noise, method, orders):
     best = choice.candidates[0]
     assert best.method == method, str(choice)
     assert {name: best.orders[name] for name in orders} == orders
-    assert all(choice.candidates[0].ebic <= one.ebic for one in choice.candidates if one.radius < 1.0)
+    assert all(choice.candidates[0].bic <= one.bic for one in choice.candidates if one.radius < 1.0)
 
 
 @pytest.mark.slow
@@ -256,7 +256,7 @@ def test_a_constant_takes_the_place_of_roots_at_one():
     choice = auto(IOData(u, y, 0.01).detrend())
     alone = auto(IOData(u, y, 0.01).detrend(), methods=["oe"])
     best = choice.candidates[0]
-    assert best.method == "oe" and best.ebic <= alone.candidates[0].ebic + 1e-6
+    assert best.method == "oe" and best.bic <= alone.candidates[0].bic + 1e-6
 
 
 def test_a_pure_gain_chosen_among_output_error_models_is_one():
@@ -298,7 +298,7 @@ def test_a_slower_candidate_that_fits_better_is_a_caution():
 @pytest.mark.parametrize(
     ("seed", "nb", "denominator"),
     [
-        # by chance, p = 0.001: the order of least EBIC was given up for one that is 7 times as far off
+        # by chance, p = 0.001: the order of least BIC was given up for one that is 7 times as far off
         (20003, 2, {"na": 3}),
         # a long regression lacks the slow response of this one: more orders were tried than single steps would
         (9054, 1, {"nf": 2}),
