@@ -22,6 +22,7 @@ OFFSET, LINE = 0, 1  # degrees
 LAGS = 10  # of outputs and inputs in the ARX model that tells a trend from a transient
 ROWS_PER_COEFFICIENT = 5  # least number of samples per coefficient of that model
 EXACT = 1e-22  # sum of squares, relative to that of the output, that is rounding of data without noise
+DOUBT = 2.0  # penalty of a term of a trend beside log(N): every record is looked at for one
 UNIT_ROOT = 1e-6  # A(1), relative to the coefficients, below which an output drifts instead of having a level
 
 
@@ -91,7 +92,7 @@ def subtract_lines(
 
 
 def best_degree(experiments: Sequence[IOData]) -> int:
-    """Degree of the trend that an ARX model of many lags needs, by BIC [Schwarz1978]; -1 if none.
+    """Degree of the trend that an ARX model of many lags needs, by BIC [Schwarz1978] and `DOUBT`; -1 if none.
 
     Without noise it is the lowest degree that fits exactly. Too few samples for such a model need none.
 
@@ -122,7 +123,7 @@ def best_degree(experiments: Sequence[IOData]) -> int:
     exact = [k for k, value in enumerate(squares) if value <= EXACT * lengths[-1] ** 2]
     if exact:
         return exact[0] + NO_TREND
-    criteria = [rows * np.log(value) + k * count * np.log(rows) for k, value in enumerate(squares)]
+    criteria = [rows * np.log(value) + k * count * (np.log(rows) + DOUBT) for k, value in enumerate(squares)]
     return int(np.argmin(criteria)) + NO_TREND
 
 
