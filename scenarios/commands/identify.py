@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from scenarios.identification.file_identification import FileIdentification
     from scenarios.identification.identification import Identification
     from sysid import Estimate
+    from sysid.validation.structure_scan import Order
 
 SAVED = (".json", ".m", ".c", ".fmu")
 """Endings of files of models."""
@@ -100,7 +101,8 @@ def identify(
     Args:
         data: The record, or several.
         method: One of the methods above; without it, it is chosen.
-        orders: Orders of the model, in the sequence given above, as in MATLAB; without them, they are chosen.
+        orders: Orders of the model, in the sequence given above, as in MATLAB; of several inputs as 1,2 where they
+            differ. Without them, they are chosen.
         joint: Which joint of a log; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
@@ -135,7 +137,7 @@ def identify(
     options = locals()  # before any other local variable: all options, for the commands that repeat and go on
     typed = command_line("hmtb identify", identify, options)
     from scenarios.identification.file_identification import identify_files
-    from scenarios.identification.result_tables import result_tables, verdict
+    from scenarios.identification.result_tables import advised_options, result_tables, verdict
 
     numbered = _orders(orders, method)
     # Endings and files that exist are checked before the fit, which may take minutes.
@@ -192,12 +194,17 @@ def identify(
     say_each("figure: ", pictures)
     if report is not None:
         say_each("report: ", [report])
-    goes_on = bool(pictures) or found.choice is not None
-    _say_next(options, found.chosen_options, save, goes_on=goes_on)
+    advised = advised_options(found.result, options)
+    if advised:
+        again = {**options, **advised, "orders": (), "save": None, "out": None, "overwrite": False}
+        say(f"next: {command_line('hmtb identify', identify, again)}")
+    else:
+        goes_on = bool(pictures) or found.choice is not None
+        _say_next(options, found.chosen_options, save, goes_on=goes_on)
     return 0
 
 
-def _orders(words: Sequence[str], method: str | None) -> tuple[int | str, ...]:
+def _orders(words: Sequence[str], method: str | None) -> "tuple[Order | str, ...]":
     """Orders: whole numbers, and words such as the kind of a process model where a method has them."""
     orders = typed_orders(words, method)
     if orders is None:

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, ParamSpec, get_args, get_origin
 import tyro
 
 from scenarios.files.errors import ScenarioError
+from scenarios.files.option_values import option_values
 
 MESSAGE = r"Missing (from|value)|Error parsing|Unrecognized options?:|[Ii]nvalid choice '"
 """Beginnings of the parser's messages."""
@@ -123,10 +124,7 @@ def command_line(program: str, command: Callable[..., int], values: Mapping[str,
             continue
         if parameter.kind is not parameter.POSITIONAL_OR_KEYWORD:
             words.append(f"--{name.replace('_', '-')}")
-        if isinstance(value, tuple):
-            words += map(str, value)
-        elif value is not True:  # a flag has no value
-            words.append(str(value))
+        words += option_values(value)
     return shlex.join(words)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from scenarios.files.data_file import Names, joints_of, read_parts
 from scenarios.files.errors import ScenarioError
+from scenarios.files.option_values import option_values
 from scenarios.identification.identification import Identification, identify, trend_options, usable
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.order_choice import HELD_OUT, SHORTEST, choose_and_identify, hold_out
@@ -19,6 +20,7 @@ from sysid import IOData, StructureChoice
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.channels import listed
 from sysid.records.importers import one_interval
+from sysid.validation.structure_scan import Order
 
 NOTHING_HELD_OUT = (
     "nothing is held out, because {}: verdict and fits are on the samples that the model was estimated from; another "
@@ -71,6 +73,8 @@ class FileIdentification:
             return {}
         options: dict[str, object] = {"method": fitted.estimate.method, "orders": tuple(fitted.orders.values())}
         options |= {name: True for name in trend}
+        # nk says it
+        options["direct"] = False
         if fitted.weighting is not None:
             options["weighting"] = fitted.weighting
         if self.held_out and not self.result.is_estimated_again:
@@ -99,7 +103,7 @@ def identify_files(
     data: Sequence[Path],
     *,
     method: str | None = None,
-    orders: Sequence[int | str] = (),
+    orders: Sequence[Order | str] = (),
     joint: str | None = None,
     input: Names = "u",
     output: Names = "y",
@@ -237,7 +241,7 @@ def _named_apart(records: Sequence[IOData], path: Path, data: Sequence[Path]) ->
     return [replace(record, name=f"{path.parent}/{record.name}") for record in records]
 
 
-def _checked_weighting(weighting: Sequence[int], orders: Sequence[int | str]) -> tuple[int, int]:
+def _checked_weighting(weighting: Sequence[int], orders: Sequence[Order | str]) -> tuple[int, int]:
     """Degrees of C and D of the model of the disturbance that weights the errors; zeros without one."""
     if not weighting:
         return UNWEIGHTED
@@ -255,7 +259,7 @@ def _are_equal(one: IOData, other: IOData) -> bool:
     return np.array_equal(one.u, other.u) and np.array_equal(one.y, other.y, equal_nan=True)
 
 
-def _held_out_share(orders: Sequence[int | str], held_out: float | None, validate: Path | None) -> float:
+def _held_out_share(orders: Sequence[Order | str], held_out: float | None, validate: Path | None) -> float:
     """Part of the longest record that judges the model: by default one only where orders are chosen."""
     if held_out is not None:
         share = held_out
@@ -315,10 +319,7 @@ class IdentificationRequest:
         words = ["hmtb", "identify", *map(str, self.data)]
         for name, value in self.options.items():
             words.append(f"--{name.replace('_', '-')}")
-            if isinstance(value, tuple):
-                words += map(str, value)
-            elif value is not True:  # a flag has no value
-                words.append(str(value))
+            words += option_values(value)
         return tuple(words)
 
     @property

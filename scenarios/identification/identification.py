@@ -144,6 +144,7 @@ class Identification:
         cautions: What the choice of the model could not tell from the record, for which no verdict calls it sufficient.
         disagreement: Ratios of gain and bandwidth to structures that fit as well, of a choice; see `StructureChoice`.
         same_sample: Whether the choice left a direct term out that could be that of a controller.
+        chose_trend: Whether a straight line in the output was a candidate of its choice.
         rounded: Whether the residuals of each output are no larger than the rounding of its values, as by an encoder
             (ny,): they are then a function of the output, and hence of the input, of a true model too.
         baseline: Fit of the commands themselves to `checked`; None where inputs and outputs differ in number or units.
@@ -164,6 +165,7 @@ class Identification:
     rounded: tuple[bool, ...] = ()
     disagreement: tuple[float, float] = (1.0, 1.0)
     same_sample: bool = False
+    chose_trend: bool = False
     nonlinearity: NonlinearityTest | None = None
     baseline: CommandBaseline | None = None
     agreement: RunAgreement | None = None
@@ -391,6 +393,42 @@ def trend_options(*, offset: bool, trend: bool, keep_mean: bool) -> dict[str, bo
     return {name: True for name, is_asked in (("offset", offset), ("trend", trend)) if is_asked}
 
 
+def has_line(model: Estimate) -> bool:
+    """Whether a model was identified beside a straight line in an output; a constant is a line without a slope."""
+    return any(map(any, model.diagnostics.get("slopes", ())))
+
+
+def relative_to_measured(fit: ModelFit, checked: Sequence[IOData], measured: Sequence[IOData]) -> ModelFit:
+    """Fits relative to the outputs as they were measured, where lines that were subtracted made them larger.
+
+    An integrator takes any line for its own, and so does a disturbance that walks: the outputs without such a line may
+    be many times as large as they are, and errors nothing relative to them.
+
+    Args:
+        fit: Fits to the records without their constants and lines.
+        checked: These records.
+        measured: The records as they were.
+    """
+    by_experiment = []
+    for k, of_experiment in enumerate(fit.by_experiment):
+        by_experiment.append(relative_to_measured(of_experiment, checked[k : k + 1], measured[k : k + 1]))
+    ratio = _spread(checked) / _spread(measured)
+    fits = {}
+    for name in ("simulation", "one_step", "ahead"):
+        value = getattr(fit, name)
+        fits[name] = np.where(ratio > 1.0, 100.0 - (100.0 - value) * ratio, value)
+    return replace(fit, **fits, by_experiment=tuple(by_experiment))
+
+
+def _spread(records: Sequence[IOData]) -> FloatArray:
+    """Root of the sum of squares of every output (ny,), each record about its own mean, without its initial window."""
+    squares = 0.0
+    for record in records:
+        y = record.scored.y
+        squares = squares + np.nansum((y - np.nanmean(y, axis=0)) ** 2, axis=0)
+    return np.sqrt(squares)
+
+
 def _check_trend(method: str, trend: Mapping[str, bool]) -> None:
     """Refuse options for a trend that the estimator does not have."""
     if method not in ESTIMATORS:
@@ -464,6 +502,7 @@ def identify(
             offsets, _, _ = unexplained_offsets(judged.estimate.model, checked)
             checked = tuple(record.subtract(y=offset) for record, offset in zip(checked, offsets, strict=True))
         (fit_to_checked,) = sysid.compare({method: judged.estimate}, checked, steps=steps)
+        fit_to_checked = relative_to_measured(fit_to_checked, checked, tuple(check or records))
         test, test_of_all, untested = None, None, ""
         try:
             test = sysid.resid(judged.estimate, checked)

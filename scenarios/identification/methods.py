@@ -155,15 +155,20 @@ class IdentificationMethod:
         return cast("Predictor", self.function(records, **arguments))
 
 
-def typed_orders(words: Sequence[str], method: str | None) -> tuple[int | str, ...] | None:
-    """Orders as typed: whole numbers, and words where an estimator has them; None if one of them is neither."""
+def typed_orders(words: Sequence[str], method: str | None) -> "tuple[Order | str, ...] | None":
+    """Orders as typed; None if one of them is none.
+
+    They are whole numbers, with commas where inputs have their own (`1,2`), and words where an estimator has them.
+    """
     estimator = ESTIMATORS.get(method or "")
     takes_words = estimator is not None and bool(estimator.words)
-    orders: list[int | str] = []
+    orders: list[Order | str] = []
     for word in words:
         # [0-9] alone: other alphabets have digits too, which int() would take
         if re.fullmatch(rf"[+-]?[0-9]{{1,{DIGITS}}}", word):
             orders.append(int(word))
+        elif re.fullmatch(rf"[0-9]{{1,{DIGITS}}}(,[0-9]{{1,{DIGITS}}})+", word):
+            orders.append(tuple(map(int, word.split(","))))
         elif takes_words and re.fullmatch(r"[A-Za-z][A-Za-z0-9]{0,15}", word):
             orders.append(word)
         else:

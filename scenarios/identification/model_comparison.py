@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import sysid
 from scenarios.files.result_table import ResultTable
-from scenarios.identification.identification import Identification, identify, usable
+from scenarios.identification.identification import Identification, has_line, identify, relative_to_measured, usable
 from scenarios.identification.named_models import KnownModel, ModelName, known_models
 from scenarios.identification.result_tables import LARGEST_DECIMAL, SMALLEST_DECIMAL
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
@@ -19,12 +19,19 @@ from sysid.models.model_forms import as_model
 from sysid.models.predict import aligned, channels_in
 from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_lines, unexplained_offset
+from sysid.polynomial.trends import LINE, best_degree
+from sysid.records.data import complete_parts
 from sysid.validation.compare import OWN_DATA, is_training
+
+DRIFTS = "beside its response to the input the output follows a straight line: --trend judges all models beside one"
 
 BESIDE_LINE = "judged beside a straight line in the output"
 
 INTEGRATES = 1e-9
 """Distance of a pole from one, up to which it integrates."""
+
+BESIDE_ONE = 1e-5
+"""Distance of a pole from one up to which a table calls it an integrator's: estimates of one lie on either side."""
 
 LOW = 0.1
 """Frequency, Hz, below which three decimals are too few."""
@@ -162,7 +169,16 @@ def compare_models(
             for known in known_models(name, judging[0], path):
                 line = bool(trend and trend.get("trend"))
                 models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, line=line, steps=steps))
+    are_beside_lines = all(BESIDE_LINE in "".join(model.remarks) for model in models)
+    if not trend and not keep_mean and not are_beside_lines and _drifts(about_means):
+        warnings.warn(DRIFTS, sysid.SysidWarning, stacklevel=2)
     return about_means, tuple(models)
+
+
+def _drifts(records: Sequence[IOData]) -> bool:
+    """Whether the output has a straight line beside its response to the input."""
+    parts = complete_parts(records)
+    return records[0].ny == 1 and bool(parts) and best_degree(parts) == LINE
 
 
 def judged_identification(result: Identification, about_means: Sequence[IOData]) -> JudgedModel:
@@ -227,6 +243,7 @@ def _judged_known(
     remarks = known.remarks if keep_mean or not why else (*known.remarks, why)
     # An estimate knows the record that it is from, of which its matrices alone tell nothing.
     (fit,) = sysid.compare({known.label: known.model}, checked, steps=steps)
+    fit = relative_to_measured(fit, checked, about_means)
     if not fit.is_training and is_training(known.model, about_means):
         # without their lines the records are others
         fit = replace(fit, is_training=True)
@@ -256,7 +273,7 @@ def _why_beside_a_line(model: Estimate | StateSpace, *, asked: bool) -> str:
     """Why a known model is judged beside a straight line of the record's own, in words; empty if it is not."""
     if asked:
         return BESIDE_LINE
-    if isinstance(model, Estimate) and "slopes" in model.diagnostics:
+    if isinstance(model, Estimate) and has_line(model):
         return f"{BESIDE_LINE}, as it was identified"
     poles = as_model(model).input_path().poles()
     if (np.abs(poles - 1.0) < INTEGRATES).any():
@@ -277,6 +294,9 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
     for judged in models:
         gain, fit = judged.gain, judged.fit
         stable = "yes" if judged.model.is_stable() else "NO"
+        poles = judged.model.input_path().poles()
+        if np.isnan(gain).any() and (np.abs(poles - 1.0) < BESIDE_ONE).any() and np.abs(poles).max() < 1.0 + BESIDE_ONE:
+            stable = "integrates"
         for i, output in enumerate(outputs):
             row = [judged.label if i == 0 else ""]
             if has_several_outputs:

@@ -19,6 +19,7 @@ from scenarios.truth.published import (
     published_model,
 )
 from sysid import Estimate, IOData, StateSpace
+from sysid.validation.structure_scan import Order
 
 FORMS = (
     "truth, published, published:NAME (4.7 ... 5.10, sysid, okid, hybrid), METHOD:ORDERS (oe:2/2/1, procest:P1D), "
@@ -40,7 +41,7 @@ class ModelName(NamedTuple):
     text: str
     kind: str
     name: str = ""
-    orders: tuple[int | str, ...] = ()
+    orders: tuple[Order | str, ...] = ()
 
     @property
     def is_estimated(self) -> bool:

@@ -119,7 +119,13 @@ def choose_and_identify(
             continued=continued,
             whole=whole,
         )
-    result = replace(result, cautions=choice.cautions, disagreement=choice.disagreement, same_sample=choice.same_sample)
+    result = replace(
+        result,
+        cautions=choice.cautions,
+        disagreement=choice.disagreement,
+        same_sample=choice.same_sample,
+        chose_trend=method is None or method in ORDERS,
+    )
     return result, choice
 
 
@@ -181,7 +187,7 @@ def _beside_discrete(choice: StructureChoice, beside: StructureChoice, records: 
         ratio = largest_ratio([np.abs(gains).ravel(), np.abs(others).ravel()])
         if np.isfinite(best.drive) and not (np.abs(sampled_poles(estimate)) > radius).any():
             objection = f"{best} has a mode slower than a third of the record, which this model lacks"
-        elif ratio > 1.0 + CLOSE:
+        elif ratio > 1.0 + CLOSE and not _simulates_far_worse(beside.estimate, estimate, records):
             listed = ", ".join(f"{gain:.4g}" for gain in np.ravel(others))
             objection = f"{best}, chosen among discrete models, has a gain at 0 Hz of {listed}: methods disagree"
         elif _simulates_far_worse(estimate, beside.estimate, records):

@@ -1,7 +1,8 @@
 """Tables of an identified model, as `hmtb identify` and the station's page show them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from scenarios.identification.identification import (
     Identification,
     dependent_inputs,
     deviations,
+    has_line,
     without_python_advice,
 )
 from scenarios.identification.run_agreement import RunAgreement
@@ -21,14 +23,18 @@ from sysid import Estimate, IOData, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
+from sysid.polynomial.arx import NOT_DECAYED
 from sysid.polynomial.data_checks import POORLY_EXCITED
 from sysid.polynomial.offset_test import MISSING_OFFSET
+from sysid.polynomial.outliers import FAR_OUTLIERS
 from sysid.polynomial.response_features import response_features
 from sysid.polynomial.trends import LINE, best_degree
 from sysid.records.arrays import ComplexArray
 from sysid.records.data import complete_parts
+from sysid.records.errors import Message, reworded
 from sysid.records.excited_band import excited_band
 from sysid.records.printing import AT_ZERO, poles_table
+from sysid.selection.structure_search import ORDERS
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
 from sysid.validation.slow_response import LEVEL, SlowResponse
@@ -66,6 +72,11 @@ SAME_SAMPLE = (
 )
 
 DRIFT = "; beside its response to the input the output follows a straight line: --trend (arx, armax, oe, bj) fits one"
+
+SPOILT = (
+    "; samples far outside the others, which a warning names, spoil fits and tests: if they are wrong, empty their "
+    "cells and add --missing"
+)
 
 GRID = 50
 """Frequencies, up to the highest that the input excites, at which the largest gain is looked for."""
@@ -122,7 +133,7 @@ def _candidate_table(choice: StructureChoice) -> ResultTable:
         cells = (f"{candidate.parameters}", f"{candidate.loss:.4g}", f"{above_best:.1f}", candidate.remark)
         rows.append((str(candidate), *cells))
     title = f"Candidates, the best {len(rows)} of {len(choice.candidates)}"
-    return ResultTable(title, ("", "parameters", "loss", "BIC relative to the best", ""), tuple(rows))
+    return ResultTable(title, ("", "parameters", "loss", "BIC relative to the chosen", ""), tuple(rows))
 
 
 def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
@@ -206,9 +217,24 @@ def verdict(result: Identification) -> str:
     Simulated from the input alone, a sufficient model explains the output at least by half.
     """
     words = _judgement(result)
-    if words.startswith("not sufficient") and _drifts(result):
+    if not words.startswith("sufficient") and _drifts(result):
         words += DRIFT
+    if not words.startswith("sufficient") and _message(result.fitted, FAR_OUTLIERS):
+        words += SPOILT
     return words + (SAME_SAMPLE if result.same_sample else "")
+
+
+def advised_options(result: Identification, options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of `hmtb identify` that a verdict advises, beside those given; empty where it advises none of them."""
+    words = verdict(result)
+    if words.startswith("sufficient"):
+        return {}
+    if DRIFT in words and not options["keep_mean"]:
+        method = options["method"] if options["method"] in ORDERS else "oe"
+        return {"method": method, "trend": True, "offset": False}
+    if SAME_SAMPLE in words and not options["direct"]:
+        return {"method": options["method"] if options["method"] in ORDERS else None, "direct": True}
+    return {}
 
 
 def _judgement(result: Identification) -> str:
@@ -225,7 +251,12 @@ def _judgement(result: Identification) -> str:
         return f"not sufficient: the simulation is worse than the mean of the output; simulated fit {fits}, below 0 %"
     if result.test is None:
         return f"residuals not tested; simulated fit {fits}"
-    if (result.nonlinear or result.depends_on_input) and (offset := _message(result.fitted, MISSING_OFFSET)):
+    is_doubtful = bool(result.nonlinear or result.depends_on_input)
+    if is_doubtful and (cut := _message(result.fitted, NOT_DECAYED)):
+        # the rest of the response looks like anything
+        longer = reworded(cut, cut.advice, {"n": "--orders with a larger n"})
+        words = f"not sufficient: {longer}"
+    elif is_doubtful and (offset := _message(result.fitted, MISSING_OFFSET)):
         # what an offset leaves looks like anything
         words = f"not sufficient: {without_python_advice(offset)}; --offset, or of an integrator --trend, estimates it"
     elif result.nonlinear:
@@ -262,7 +293,7 @@ def _judgement(result: Identification) -> str:
 def _drifts(result: Identification) -> bool:
     """Whether the output has a straight line that the model lacks: residual tests would name other things."""
     estimate, parts = result.fitted.estimate, complete_parts(result.fitted.parts)
-    if parts[0].ny > 1 or "slopes" in estimate.diagnostics or result.fitted.is_unstable:
+    if parts[0].ny > 1 or has_line(estimate) or result.chose_trend or result.fitted.is_unstable:
         return False
     return best_degree(parts) == LINE
 
@@ -321,10 +352,12 @@ def _with_gains(result: Identification) -> list[tuple[SlowResponse, float]]:
     return pairs
 
 
-def _message(fitted: FittedModel, code: str) -> str:
+def _message(fitted: FittedModel, code: str) -> Message:
     """What the estimator warned of under a code; empty if it did not."""
-    messages = fitted.estimate.diagnostics.get("warnings", ())
-    return next((message for message in messages if getattr(message, "code", "") == code), "")
+    for message in fitted.estimate.diagnostics.get("warnings", ()):
+        if isinstance(message, Message) and message.code == code:
+            return message
+    return Message("")
 
 
 def _verdict_of_unstable(result: Identification) -> str:

@@ -32,10 +32,11 @@ from sysid.polynomial.trends import Levelled, equations_with_trends, trend_degre
 from sysid.records.arguments import truth_value
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, warn_each
+from sysid.records.errors import Message, SysidError, warn_each
 
 SIMULATION_STEPS = 100  # limit on those of the search with focus='simulation'
 HYPER_PARAMETERS = 3  # of each block of coefficients with a prior, at most
+NOT_DECAYED = "not-decayed"  # code of the message on an impulse response that ends before it has decayed
 UNDECAYED = 0.1  # of its peak, that a truncated response still has
 SIGNIFICANT = 4.0  # standard deviations, of the largest of several coefficients
 
@@ -337,7 +338,8 @@ def _undecayed_responses(g: FloatArray, deviations: FloatArray, nb: Sequence[int
 
     The responses to all inputs, one after the other, and their standard deviations are (sum(nb),).
     """
-    messages, first = [], 0
+    messages: list[str] = []
+    first = 0
     for name, n in zip(names, nb, strict=True):
         end = first + n
         # the last tenth: a response that rings may cross zero at its very last coefficient
@@ -345,6 +347,7 @@ def _undecayed_responses(g: FloatArray, deviations: FloatArray, nb: Sequence[int
         peak = np.abs(g[first:end]).max(initial=0.0)
         negligible = np.maximum(UNDECAYED * peak, SIGNIFICANT * deviations[tail])
         if (np.abs(g[tail]) > negligible).any():
-            messages.append(f"the impulse response to {name} has not decayed after {n} coefficients: raise n")
+            text = f"the impulse response to {name} has not decayed after {n} coefficients: raise n"
+            messages.append(Message(text, NOT_DECAYED, n="raise n"))
         first = end
     return messages

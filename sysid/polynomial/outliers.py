@@ -17,6 +17,8 @@ MEDIAN_SPREAD = 1.17  # standard deviation of the median of |x|, relative to it,
 SURE = 2.5  # standard deviations by which the scale of few samples may be too small
 CLIPPED = 3.0  # robust deviations beyond which errors do not count for the colour
 FEWEST = 30  # samples: fewer give no scale
+FAR = 50.0  # robust standard deviations beyond which an outlier spoils tests of the other residuals
+FAR_OUTLIERS = "far-outliers"  # code of the message on such ones
 NAMED = 5  # samples that a message names, the largest
 EXACT = 1e-8  # scale, relative to the deviation of the output, below which errors are those of rounding or of a model
 
@@ -117,4 +119,5 @@ def _message(
         f"{len(sizes)} of {count} residuals are outliers, beyond {limit:.3g} robust standard deviations, and {effect}: "
         f"{largest} {', '.join(texts)}; look whether these samples are wrong, or show what the model lacks{advice}"
     )
-    return Message(text, "outliers", error_threshold=advice)
+    code = FAR_OUTLIERS if max(sizes)[0] > FAR else "outliers"
+    return Message(text, code, error_threshold=advice)

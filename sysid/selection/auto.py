@@ -49,7 +49,7 @@ FEW = 5  # samples per parameter below which chance decides between candidates
 Fitted = tuple[Estimate, list[warnings.WarningMessage]]
 """A model, and the warnings of its fit, which the reader gets of the chosen one alone."""
 
-DIRECT = "a direct term, which would be that of the controller"
+CONTROLLERS = "which would be that of the controller"
 
 SAME_SAMPLE = (
     "the output depends on the input of the same sample, by a direct term or by feedback through a controller that "
@@ -206,7 +206,7 @@ def auto(
         climb = climb.told_by(ranked[0])
         reason = _reason(climb.search, ranked, climb.delays, sum(map(len, experiments)))
         if loop.is_closed:
-            reason += _reason_of_feedback(experiments[0].ny, loop, any_method=methods is None)
+            reason += _reason_of_feedback(experiments[0].ny, loop, any_method=methods is None, direct=direct)
     if loop.is_at_once:
         reason += f"; {SAME_SAMPLE}"
     if open_delay := _open_delay(climb.estimate_of_delays):
@@ -394,11 +394,11 @@ def _reason_of_simulation(
     )
 
 
-def _reason_of_feedback(outputs: int, loop: Loop, *, any_method: bool) -> str:
+def _reason_of_feedback(outputs: int, loop: Loop, *, any_method: bool, direct: bool) -> str:
     """What feedback leaves out of the choice, in words."""
-    excluded = DIRECT
+    excluded = f"the direct term that was asked for, {CONTROLLERS}" if direct else f"a direct term, {CONTROLLERS}"
     if any_method and outputs == 1:
-        excluded = f"oe, which only a white disturbance leaves unbiased, and {DIRECT}"
+        excluded = f"oe, which only a white disturbance leaves unbiased, and {excluded}"
     return (
         f"; by `feedback` (p = {loop.p:.2g}) the input depends on past outputs, or the system is nonlinear: without "
         f"{excluded}{loop.question}"

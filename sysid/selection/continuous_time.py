@@ -268,6 +268,10 @@ def _variants(kind: str, damping: float, *, direct: bool) -> list[str]:
         kinds.append(f"{kind}U")
     if 0 < lags < 3:
         kinds.append(f"P{lags + 1}{kind[2:]}")
+        if "Z" not in kind:
+            # either alone may cost more than it gains; a response that begins in the other direction looks like a delay
+            larger = f"P{lags + 1}{kind[2:]}Z"
+            kinds += [larger.replace("D", ""), larger] if "D" in kind else [larger]
     if lags > 1 and not (lags == 2 and "Z" in kind and not direct):
         fewer = kind[2:] if lags > 2 else kind[2:].replace("U", "")
         kinds.append(f"P{lags - 1}{fewer}")
@@ -627,6 +631,8 @@ class _CandidateSearch:
         best = ranked[0]
         samples, total = sum(map(len, self.compared)), sum(map(len, self.all_data))
         criterion = "the lowest BIC of output errors of any colour"
+        if any(fit.candidate.bic < best.candidate.bic for fit in ranked):
+            criterion += ", of those that may be chosen"
         candidates = tuple(fit.candidate for fit in ranked)
         return StructureChoice(
             estimate=estimate(best.structure, best.theta),
