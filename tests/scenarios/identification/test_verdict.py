@@ -196,10 +196,23 @@ def test_a_direct_term_from_an_input_that_is_held_is_chosen():
     assert result.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.01)
 
 
-def test_a_method_without_the_structure_is_not_sufficient_where_another_simulates_far_better():
-    """The choice of tfest has no direct term."""
+def test_a_direct_term_is_tried_by_tfest_too():
     rng = np.random.default_rng(1)
     result = identified(lead_lag(np.repeat(rng.uniform(-1.0, 1.0, 67), 30)[:2000], 0.01, rng), "tfest")
+    assert verdict(result).startswith("sufficient")
+    assert result.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.02)
+
+
+def test_a_method_without_the_structure_is_not_sufficient_where_another_simulates_far_better():
+    """Process models have three poles at most."""
+    rng = np.random.default_rng(1)
+    u = held(rng, 1500, 12)
+    y = np.zeros(1500)
+    for radius, angle in ((0.97, 0.1), (0.97, 0.35)):
+        pole = radius * np.exp(1j * angle)
+        denominator = np.poly([pole, pole.conj()]).real
+        y += lfilter([0.0, denominator.sum()], denominator, u)
+    result = identified(IOData(u, y + 0.02 * y.std() * rng.standard_normal(1500), 0.02), "procest")
     assert not verdict(result).startswith("sufficient")
     assert any("simulates far better" in caution for caution in result.cautions)
 
