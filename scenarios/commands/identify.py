@@ -194,6 +194,7 @@ def identify(
     say_each("figure: ", pictures)
     if report is not None:
         say_each("report: ", [report])
+    # A verdict that advises an option comes before the model that it refuses.
     advised = advised_options(found.result, options)
     if advised:
         again = {**options, **advised, "orders": (), "save": None, "out": None, "overwrite": False}

@@ -412,6 +412,7 @@ def relative_to_measured(fit: ModelFit, checked: Sequence[IOData], measured: Seq
     by_experiment = []
     for k, of_experiment in enumerate(fit.by_experiment):
         by_experiment.append(relative_to_measured(of_experiment, checked[k : k + 1], measured[k : k + 1]))
+    # A real drift makes the measured outputs larger: fits are then relative to what is left of them.
     ratio = _spread(checked) / _spread(measured)
     fits = {}
     for name in ("simulation", "one_step", "ahead"):

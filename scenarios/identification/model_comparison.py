@@ -275,6 +275,7 @@ def _why_beside_a_line(model: Estimate | StateSpace, *, asked: bool) -> str:
         return BESIDE_LINE
     if isinstance(model, Estimate) and has_line(model):
         return f"{BESIDE_LINE}, as it was identified"
+    # A constant in the input of an integrator is a line in its output.
     poles = as_model(model).input_path().poles()
     if (np.abs(poles - 1.0) < INTEGRATES).any():
         return f"{BESIDE_LINE}: it integrates, and the operating point of its input is not known"
@@ -294,6 +295,7 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
     for judged in models:
         gain, fit = judged.gain, judged.fit
         stable = "yes" if judged.model.is_stable() else "NO"
+        # Estimates of a pole at one lie inside or outside: neither says that the plant is stable or not.
         poles = judged.model.input_path().poles()
         if np.isnan(gain).any() and (np.abs(poles - 1.0) < BESIDE_ONE).any() and np.abs(poles).max() < 1.0 + BESIDE_ONE:
             stable = "integrates"

@@ -217,6 +217,7 @@ def verdict(result: Identification) -> str:
     Simulated from the input alone, a sufficient model explains the output at least by half.
     """
     words = _judgement(result)
+    # What else the data show stands behind what is wrong with the model.
     if not words.startswith("sufficient") and _drifts(result):
         words += DRIFT
     if not words.startswith("sufficient") and _message(result.fitted, FAR_OUTLIERS):
@@ -229,6 +230,7 @@ def advised_options(result: Identification, options: Mapping[str, Any]) -> dict[
     words = verdict(result)
     if words.startswith("sufficient"):
         return {}
+    # Values as they are and a line exclude each other.
     if DRIFT in words and not options["keep_mean"]:
         method = options["method"] if options["method"] in ORDERS else "oe"
         return {"method": method, "trend": True, "offset": False}
@@ -332,6 +334,7 @@ def _hidden_slow_part(result: Identification) -> tuple[float, str]:
     """
     least, words = 0.0, ""
     for path, gain in _with_gains(result):
+        # Of a gain of zero any slow part is more than all.
         share = path.possible_gain / abs(gain) if gain else np.inf
         frequency = share / (CLOSE * 2.0 * np.pi * path.longest)
         if share > CLOSE and frequency > least:
