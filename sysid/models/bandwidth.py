@@ -227,11 +227,12 @@ def _bandwidth_objections(bandwidth: tuple[float, float, float], record: IOData,
             f"factor of {WIDEST:g}"
         )
     duration = len(record.scored) * record.dt
-    shortest = 1.0 / duration
+    # a time constant of a third of the record has its bandwidth there: what is slower may be a disturbance
+    shortest = 0.5 / duration
     if hz < shortest:
         objections.append(
             f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, but the record of "
-            f"{duration:.3g} s holds no full period of frequencies below {shortest:.2g} Hz"
+            f"{duration:.3g} s holds no half period of frequencies below {shortest:.2g} Hz"
         )
     if lowest > hz:
         objections.append(

@@ -291,3 +291,17 @@ def test_a_delay_longer_than_the_long_model_is_no_nonlinearity():
     result = identified(IOData(u, y + 0.01 * y.std() * rng.standard_normal(900), 0.02))
     assert verdict(result).startswith("sufficient")
     assert result.fitted.orders["nk"] == 20
+
+
+@pytest.mark.parametrize("share", [0.12, 0.2, 0.27])
+@pytest.mark.parametrize("drift", [0.0, 0.3])
+def test_a_clean_lag_of_a_quarter_of_its_record_is_told(share, drift):
+    """It was withheld whatever the noise: the record holds no full period of its bandwidth."""
+    pole, rng = np.exp(-1.0 / (800 * share)), np.random.default_rng(8)
+    u = np.repeat(rng.uniform(-1.0, 1.0, 16), 50)
+    y = lfilter([0.0, 1.0 - pole], [1.0, -pole], u)
+    y = y + y.std() * (0.01 * rng.standard_normal(800) + drift * np.linspace(-1.0, 1.0, 800))
+    result = identified(IOData(u, y, 0.05))
+    assert verdict(result).startswith("sufficient")
+    assert result.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.1)
+    assert result.fitted.claims[0][0].hz == pytest.approx(1.0 / (2.0 * np.pi * 40.0 * share), rel=0.1)

@@ -32,13 +32,13 @@ def test_an_interval_over_decades_is_no_interval():
     assert_withheld(vague, "spans more than a factor of 100")
 
 
-def test_a_record_shorter_than_a_period_of_the_bandwidth_does_not_tell_it():
+def test_a_record_shorter_than_half_a_period_of_the_bandwidth_does_not_tell_it():
     u = np.random.default_rng(5).standard_normal(400)
     y = lfilter([0, 0.1], [1, -0.9], u)
     assert claimed(IOData(u, y, DT), arx).hz == pytest.approx(0.839, rel=0.01)
-    for samples in (8, 40):
-        length, lowest = f"{samples * DT:.3g} s", f"{1 / samples / DT:.2g} Hz"
-        reason = f"the record of {length} holds no full period of frequencies below {lowest}"
+    for samples in (8, 20):
+        length, lowest = f"{samples * DT:.3g} s", f"{0.5 / samples / DT:.2g} Hz"
+        reason = f"the record of {length} holds no half period of frequencies below {lowest}"
         assert_withheld(claimed(IOData(u[:samples], y[:samples], DT), arx), reason)
 
 
