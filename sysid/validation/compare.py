@@ -16,6 +16,7 @@ from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.printing import Table
+from sysid.validation.own_line import line_left
 
 Model = AnyModel
 
@@ -144,7 +145,7 @@ def compare(
             steps < 1.
 
     Warns:
-        SysidWarning: A model was estimated from one of the records.
+        SysidWarning: A model was estimated from one of the records, or beside a line in the output that these have too.
     """
     check_no_data(models)
     steps = whole_number("steps (the simulation is always included)", steps, 1)
@@ -156,6 +157,9 @@ def compare(
     if training := [fit.name for fit in fits if fit.is_training]:
         message = f"{', '.join(training)}: {OWN_DATA}, so that the fit is no validation"
         warnings.warn(message, SysidWarning, stacklevel=2)
+    for name, model in named.items():
+        if left := line_left(model, experiments):
+            warnings.warn(f"{name}: it {left}", SysidWarning, stacklevel=2)
     return fits
 
 

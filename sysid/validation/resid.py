@@ -1,5 +1,6 @@
 """Residual tests: are the prediction errors white, and independent of the input?"""
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,10 +17,11 @@ from sysid.polynomial.regressors import lagged
 from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError
+from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.trends import ROUNDING
 from sysid.validation.compare import OWN_DATA, is_training
 from sysid.validation.feedback import addition_p
+from sysid.validation.own_line import line_left
 
 NEGLIGIBLE = 1e-14  # residuals, relative to the outputs or to those of another output, that are rounding
 
@@ -225,10 +227,15 @@ def resid(estimate: AnyModel, data: IOData | Sequence[IOData], *, lags: int = 25
     Raises:
         SysidError: Channels that do not fit the model in number or name, lags or level out of range, residuals that are
             zero.
+
+    Warns:
+        SysidWarning: The model was identified beside a line in the output, and the data have one too.
     """
     level = confidence_level(level)
     check_no_data(estimate)
     experiments = as_experiments(data, missing=True, series=True)
+    if left := line_left(estimate, experiments):
+        warnings.warn(f"the model {left}", SysidWarning, stacklevel=2)
     first = experiments[0]
     model = as_model(estimate, first)
     errors = [residuals(estimate, experiment)[experiment.window :] for experiment in experiments]
