@@ -56,6 +56,16 @@ ROUNDED = 1.2  # variance of errors, relative to that of rounding, up to which n
 EXACT_ORDER = 8  # of an ARX model that shows whether a record is rounded
 EXACT = 1e-20  # loss, relative to the mean square output, that is rounding of data without noise
 
+SILENT = "its disturbance has no power at some frequency: a root of C lies on the unit circle"
+"""Doubt about an ARMAX model. Estimates of C have such roots often without reason, the shorter the record the more so
+[SarganBhargava1983]; its path from the input shares the poles with that disturbance and suffers."""
+
+ON_CIRCLE = 1e-4
+"""Distance from the unit circle up to which a root of C lies on it."""
+
+CANCELS = 1e-2
+"""Distance of a pole from such a root up to which they cancel, as those of an integrator measured in white noise."""
+
 LIMIT = 1.0 - 1e-6
 """Radius at which roots of starts are kept; roots of the input path beyond it are at the edge of stability."""
 
@@ -455,6 +465,7 @@ class StructureSearch:
             trend=orders.trend,
             vague_offset=orders.trend == OFFSET and self._lie_far(levels),
             creeps=self._creeps(orders, theta),
+            doubt=SILENT if _is_silent_somewhere(orders, theta) else "",
         )
         self.fits[orders] = Fit(orders, theta, candidate, is_finished=minimum.converged)
         return candidate
@@ -521,6 +532,7 @@ class StructureSearch:
         trend: int = NO_TREND,
         vague_offset: bool = False,
         creeps: bool = False,
+        doubt: str = "",
     ) -> Candidate:
         """Record a candidate with its criteria, from its one-step errors (N_i, ny) and the model of its input path."""
         compared = np.concatenate([e[skipped:] for e, skipped in zip(errors, self._skipped, strict=True)])
@@ -546,6 +558,7 @@ class StructureSearch:
             trend,
             vague_offset=vague_offset,
             creeps=creeps,
+            doubt=doubt,
         )
         self.candidates.append(candidate)
         return candidate
@@ -710,6 +723,16 @@ def rising_orders(structure: str, n: int, nk: tuple[int, ...], trend: int) -> Or
     if structure == "oe":
         return Orders(0, by_input, 0, 0, by_input, nk, trend)
     return Orders(0, by_input, DISTURBANCE, DISTURBANCE, by_input, nk, trend)
+
+
+def _is_silent_somewhere(orders: Orders, theta: FloatArray) -> bool:
+    """Whether C of an ARMAX model has a root on the unit circle that no pole cancels."""
+    if not orders.na or not orders.nc:
+        return False
+    a, _, c, _, _ = orders.split(theta)
+    roots, poles = np.roots(c), np.roots(a)
+    on_circle = roots[np.abs(roots) > 1.0 - ON_CIRCLE]
+    return any(np.abs(poles - root).min(initial=np.inf) > CANCELS for root in on_circle)
 
 
 def _independent_starts(experiments: Experiments, orders: Orders) -> Iterator[InitialEstimate]:

@@ -11,7 +11,7 @@ from sysid import IOData, SysidError, auto, compare, residuals
 from sysid.polynomial.orders import Orders
 from sysid.selection import structure_search
 from sysid.validation.feedback import interchanged
-from tests.benchmarks.choose_orders import draw
+from tests.benchmarks.choose_orders import draw, error
 from tests.sysid.systems import exact_system, losing, second_order
 
 
@@ -320,3 +320,13 @@ def test_a_pole_may_take_the_place_of_a_zero():
     """Each step alone costs more than it gains: oe 4/4 was chosen for a plant of nb = 1, nf = 5."""
     choice = auto(draw(20012)[0])
     assert {name: choice.candidates[0].orders[name] for name in ("nb", "nf", "nk")} == {"nb": 1, "nf": 5, "nk": 4}
+
+
+def test_a_disturbance_without_power_at_some_frequency_is_an_artefact_of_armax():
+    """Roots of C at one gained 8 in BIC on 500 samples, with an error of 8.7 % in place of 1.4 %."""
+    data, _, _, u, expected = draw(32184)
+    choice = auto(data)
+    assert error(choice.estimate.polynomials, u, expected) < 0.03
+    for candidate in choice.candidates:
+        if "no power at some frequency" in candidate.remark:
+            assert candidate.method == "armax" and not candidate.eligible
