@@ -699,7 +699,29 @@ class StructureSearch:
         """All candidates, the best first, unstable ones last; `SysidError` if there are none."""
         if not self.candidates:
             raise SysidError(f"no candidate could be fitted: {'; '.join(self.failed[:3])}")
-        return tuple(sorted(self.candidates, key=lambda c: (self.criterion(c), c.bic, c.parameters)))
+        ranked = sorted(self.candidates, key=lambda c: (self.criterion(c), c.bic, c.parameters))
+        with_poles = self._with_poles_instead(ranked)
+        if with_poles is not None:
+            ranked.remove(with_poles)
+            ranked.insert(0, with_poles)
+        return tuple(ranked)
+
+    def _with_poles_instead(self, ranked: Sequence[Candidate]) -> Candidate | None:
+        """Candidate with poles that takes the place of a finite impulse response; None where that stays the best.
+
+        Plants have poles: of two that the data hardly tell apart, with as many parameters, the one with them is more
+        likely.
+        """
+        best = ranked[0]
+        if self.validation or best.method not in ("oe", "bj") or np.max(best.orders["nf"]) or not best.eligible:
+            return None
+        for other in ranked[1:]:
+            if self.criterion(other) >= self.criterion(best) + HARDLY_TOLD:
+                break
+            has_poles = other.method in ("oe", "bj") and np.max(other.orders["nf"]) > 0
+            if has_poles and other.parameters <= best.parameters and other.radius < self.slow_radius:
+                return other
+        return None
 
 
 def largest_ratio(values: Sequence[FloatArray]) -> float:
