@@ -156,6 +156,11 @@ class Candidate:
         return f"{self.method} {orders}{TREND_WORDS[self.trend]}{weighting}"
 
     @property
+    def ebic(self) -> float:
+        """`bic`, by the name that it had: the extended BIC of gamma = 0."""
+        return self.bic
+
+    @property
     def trend_options(self) -> dict[str, bool]:
         """Options of the estimator for the trend; none where it needs none."""
         options = {OFFSET: {"offset": True}, LINE: {"trend": True}}
