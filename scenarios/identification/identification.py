@@ -26,9 +26,10 @@ from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import fit_with_offset, subtract_means, unexplained_offsets
 from sysid.polynomial.orders import Orders
 from sysid.polynomial.polynomial_estimate import trends_of_outputs
-from sysid.polynomial.trends import subtract_lines, trend_degree
+from sysid.polynomial.trends import LINE, best_degree, subtract_lines, trend_degree
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
+from sysid.records.data import complete_parts
 from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
 from sysid.validation.command_baseline import CommandBaseline, command_baseline
@@ -393,9 +394,10 @@ def trend_options(*, offset: bool, trend: bool, keep_mean: bool) -> dict[str, bo
     return {name: True for name, is_asked in (("offset", offset), ("trend", trend)) if is_asked}
 
 
-def has_line(model: Estimate) -> bool:
-    """Whether a model was identified beside a straight line in an output; a constant is a line without a slope."""
-    return any(map(any, model.diagnostics.get("slopes", ())))
+def drifts(records: Sequence[IOData]) -> bool:
+    """Whether a single output follows a straight line beside its response to the input."""
+    parts = complete_parts(records)
+    return records[0].ny == 1 and bool(parts) and best_degree(parts) == LINE
 
 
 def relative_to_measured(fit: ModelFit, checked: Sequence[IOData], measured: Sequence[IOData]) -> ModelFit:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import sysid
 from scenarios.files.result_table import ResultTable
-from scenarios.identification.identification import Identification, has_line, identify, relative_to_measured, usable
+from scenarios.identification.identification import Identification, drifts, identify, relative_to_measured, usable
 from scenarios.identification.named_models import KnownModel, ModelName, known_models
 from scenarios.identification.result_tables import LARGEST_DECIMAL, SMALLEST_DECIMAL
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
@@ -19,9 +19,8 @@ from sysid.models.model_forms import as_model
 from sysid.models.predict import aligned, channels_in
 from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_lines, unexplained_offset
-from sysid.polynomial.trends import LINE, best_degree
-from sysid.records.data import complete_parts
 from sysid.validation.compare import OWN_DATA, is_training
+from sysid.validation.own_line import has_line
 
 DRIFTS = "beside its response to the input the output follows a straight line: --trend judges all models beside one"
 
@@ -170,15 +169,9 @@ def compare_models(
                 line = bool(trend and trend.get("trend"))
                 models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, line=line, steps=steps))
     are_beside_lines = all(BESIDE_LINE in "".join(model.remarks) for model in models)
-    if not trend and not keep_mean and not are_beside_lines and _drifts(about_means):
+    if not trend and not keep_mean and not are_beside_lines and drifts(about_means):
         warnings.warn(DRIFTS, sysid.SysidWarning, stacklevel=2)
     return about_means, tuple(models)
-
-
-def _drifts(records: Sequence[IOData]) -> bool:
-    """Whether the output has a straight line beside its response to the input."""
-    parts = complete_parts(records)
-    return records[0].ny == 1 and bool(parts) and best_degree(parts) == LINE
 
 
 def judged_identification(result: Identification, about_means: Sequence[IOData]) -> JudgedModel:

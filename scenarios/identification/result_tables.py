@@ -15,7 +15,7 @@ from scenarios.identification.identification import (
     Identification,
     dependent_inputs,
     deviations,
-    has_line,
+    drifts,
     without_python_advice,
 )
 from scenarios.identification.run_agreement import RunAgreement
@@ -28,15 +28,14 @@ from sysid.polynomial.data_checks import POORLY_EXCITED
 from sysid.polynomial.offset_test import MISSING_OFFSET
 from sysid.polynomial.outliers import FAR_OUTLIERS
 from sysid.polynomial.response_features import response_features
-from sysid.polynomial.trends import LINE, best_degree
 from sysid.records.arrays import ComplexArray
-from sysid.records.data import complete_parts
 from sysid.records.errors import Message, reworded
 from sysid.records.excited_band import excited_band
 from sysid.records.printing import AT_ZERO, poles_table
 from sysid.selection.structure_search import ORDERS
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
+from sysid.validation.own_line import has_line
 from sysid.validation.slow_response import LEVEL, SlowResponse
 
 LISTED = 24
@@ -218,7 +217,7 @@ def verdict(result: Identification) -> str:
     """
     words = _judgement(result)
     # What else the data show stands behind what is wrong with the model.
-    if not words.startswith("sufficient") and _drifts(result):
+    if not words.startswith("sufficient") and _lacks_line(result):
         words += DRIFT
     if not words.startswith("sufficient") and _message(result.fitted, FAR_OUTLIERS):
         words += SPOILT
@@ -292,12 +291,12 @@ def _judgement(result: Identification) -> str:
     return f"{words}; simulated fit {fits}"
 
 
-def _drifts(result: Identification) -> bool:
-    """Whether the output has a straight line that the model lacks: residual tests would name other things."""
-    estimate, parts = result.fitted.estimate, complete_parts(result.fitted.parts)
-    if parts[0].ny > 1 or has_line(estimate) or result.chose_trend or result.fitted.is_unstable:
+def _lacks_line(result: Identification) -> bool:
+    """Whether the output drifts along a straight line that the model could not have: tests would name other things."""
+    fitted = result.fitted
+    if has_line(fitted.estimate) or result.chose_trend or fitted.is_unstable:
         return False
-    return best_degree(parts) == LINE
+    return drifts(fitted.parts)
 
 
 def _no_better_than_command(result: Identification) -> str:

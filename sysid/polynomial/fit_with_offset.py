@@ -161,16 +161,12 @@ def _unexplained_line(model: StateSpace, record: IOData) -> FloatArray:
     at_rest = replace(record, u=np.zeros_like(record.u), y=np.where(record.known, 0.0, np.nan))
     counted = record.known.copy()
     counted[: record.window] = False
-    columns = []
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", SysidWarning)
-        for state in np.eye(order):
-            columns.append(residuals(model, at_rest, x0=state))
-        for i in range(ny):
-            for shape in (np.ones(samples), rise):
-                line = np.zeros((samples, ny))
-                line[:, i] = shape
-                columns.append(residuals(model, replace(at_rest, y=at_rest.y + line), x0=np.zeros(order)))
+        columns = _unit_errors(model, record, np.eye(order + ny))
+        for unit in np.eye(ny):
+            rising = replace(at_rest, y=at_rest.y + rise[:, None] * unit)
+            columns.append(residuals(model, rising, x0=np.zeros(order)))
         errors = residuals(model, record, x0=np.zeros(order))
     table = np.stack([column[counted] for column in columns], axis=1)
     if not np.isfinite(table).all() or not np.isfinite(errors[counted]).all():
@@ -181,7 +177,7 @@ def _unexplained_line(model: StateSpace, record: IOData) -> FloatArray:
     sizes = np.linalg.norm(table, axis=0)
     sizes[sizes <= DIED_OUT] = np.inf
     solution = np.linalg.lstsq(table / sizes, errors[counted], rcond=SINGULAR)[0] / sizes
-    constants, slopes = solution[order::2], solution[order + 1 :: 2]
+    constants, slopes = solution[order : order + ny], solution[order + ny :]
     return np.asarray(constants + rise[:, None] * slopes)
 
 

@@ -275,7 +275,7 @@ class Climb:
 
 @dataclass(frozen=True)
 class Answer:
-    """What a search ends with.
+    """Outcome of a search for a structure.
 
     Attributes:
         climb: The search.

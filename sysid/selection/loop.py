@@ -19,7 +19,7 @@ computes the input from the output of the same sample."""
 
 @dataclass(frozen=True)
 class Loop:
-    """What the tests of feedback say.
+    """Outcome of the tests for feedback.
 
     Attributes:
         p: Least p-value of the hypothesis that no input depends on past outputs.

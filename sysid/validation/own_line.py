@@ -15,6 +15,11 @@ MATTERS = 0.5
 """Part of the sum of squared one-step errors that a line must explain to be named."""
 
 
+def has_line(model: Estimate) -> bool:
+    """Whether a model was identified beside a straight line in an output; a constant is a line without a slope."""
+    return any(map(any, model.diagnostics.get("slopes", ())))
+
+
 def line_left(model: AnyModel, experiments: Sequence[IOData]) -> str:
     """What to say of a model with a line (`trend=True`) on data that have one too; empty where there is nothing.
 
@@ -23,7 +28,7 @@ def line_left(model: AnyModel, experiments: Sequence[IOData]) -> str:
         experiments: The records.
     """
     estimate = chosen_model(model)
-    if not isinstance(estimate, Estimate) or not any(map(any, estimate.diagnostics.get("slopes", ()))):
+    if not isinstance(estimate, Estimate) or not has_line(estimate):
         return ""
     first = experiments[0]
     own = aligned(as_model(estimate, first), first)
