@@ -83,6 +83,8 @@ def read_parts(
     inputs, outputs, joints = _several(input), _several(output), _several(joint or ())
     if not path.exists():
         raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise ScenarioError(f"{str(path)!r} is a folder, and no rosbag2 folder with a metadata.yaml; expected {KINDS}")
     if dt is not None and not 0 < dt < np.inf:
         raise ScenarioError(f"dt must be above 0 s, given {dt}")
     # A table may be read by its columns or by joint; a .csv does not say what it excites.

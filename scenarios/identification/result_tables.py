@@ -155,7 +155,8 @@ def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
         if not agreement.agree:
             columns.append(f"gain at 0 Hz of the run alone{path}")
             for k, row in enumerate(rows):
-                row.append(f"{agreement.gains[k, i, j]:.4g}")
+                gain = float(agreement.gains[k, i, j])
+                row.append(f"{gain:.4g}" if isfinite(gain) else "not known")
     title = f"Runs: they {word} in their response to the input (p = {test.p_value:.2g})"
     return ResultTable(title, tuple(columns), tuple(map(tuple, rows)))
 
@@ -190,7 +191,7 @@ def _nonlinearity_in_words(result: Identification) -> str:
     if not test.varies[worst]:
         advice = f"{advice} (commands of one amplitude do not tell how much)"
     return (
-        f"{subject} nonlinearly on the input{likeness} ({100.0 * test.distortion[worst]:.2g} % of it, "
+        f"{subject} nonlinearly on the input{likeness} ({_percent(test.distortion[worst])} of it, "
         f"p = {test.p_values[worst]:.2g}): gain and bandwidth are those of this amplitude alone; repeat at {advice}"
     )
 
@@ -604,11 +605,17 @@ def _nonlinearity_rows(result: Identification) -> list[tuple[str, str]]:
     for i, (p, distortion, kind) in enumerate(zip(test.p_values, test.distortion, test.kinds, strict=True)):
         if i in result.nonlinear:
             likeness = f"like {kind}, " if kind else ""
-            outcomes.append(f"yes ({likeness}{100.0 * distortion:.2g} % of the output, p = {p:.2g})")
+            outcomes.append(f"yes ({likeness}{_percent(distortion)} of the output, p = {p:.2g})")
         else:
             hidden = f"; yet a servo with {test.hidden[i]} fits far better than a linear one" if test.hidden[i] else ""
-            outcomes.append(f"no (p = {p:.2g}, at most {100.0 * distortion:.2g} % of the output){hidden}")
+            outcomes.append(f"no (p = {p:.2g}, at most {_percent(distortion)} of the output){hidden}")
     return [("residuals nonlinear in the input", ", ".join(outcomes))]
+
+
+def _percent(share: float) -> str:
+    """A share in percent with two digits, above a hundred with all that stand before the point."""
+    value = 100.0 * share
+    return f"{value:.2g} %" if value < 99.5 else f"{value:.0f} %"
 
 
 def _test_outcomes(passed: np.ndarray, p_values: np.ndarray) -> str:

@@ -1,5 +1,6 @@
 """What a model says, in plain English."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +33,7 @@ class Summary:
 def summary(found: FileIdentification) -> Summary:
     """Return the verdict and what the model says of every path."""
     text = verdict(found.result)
-    grade = next((name for name in GRADES if text.startswith(name)), text.partition(":")[0])
-    reason = text.removeprefix(grade).lstrip(":; ")
+    grade, badge, reason = graded(text)
     fitted = found.result.fitted
     first = fitted.parts[0]
     gains = _gains(found)
@@ -47,7 +47,15 @@ def summary(found: FileIdentification) -> Summary:
             if np.isfinite(claim.low):
                 sentence += f", 95 % interval {claim.low:.3g} to {claim.high:.3g} Hz"
             sentences.append(f"{sentence}.")
-    return Summary(grade[:1].upper() + grade[1:], GRADES.get(grade, "cannot"), reason, tuple(sentences))
+    return Summary(grade[:1].upper() + grade[1:], badge, reason, tuple(sentences))
+
+
+def graded(text: str) -> tuple[str, str, str]:
+    """A verdict as its first words, the class of their badge, and the rest."""
+    # The limit of "sufficient above 0.5 Hz: ..." is one of the first words.
+    grade, reason = re.split("[:;] ", text, maxsplit=1)
+    badge = next((badge for start, badge in GRADES.items() if grade.startswith(start)), "cannot")
+    return grade, badge, reason
 
 
 def _gains(found: FileIdentification) -> list[list[str]]:

@@ -492,6 +492,8 @@ def _check_channels(columns: Mapping[str, Column], choice: Choice, file: Path) -
 
 def _no_interval(columns: Mapping[str, Column], choice: Choice, file: Path, unread: Sequence[str]) -> Message:
     """What a file without times needs; `unread` are remarks on columns of texts that look like times."""
+    if (samples := len(columns[choice.channels[0]])) < 2:
+        return Message(f"{file.name}: {samples} sample, which tells no sampling interval; expected two or more")
     others = [name for name in columns if name not in choice.channels]
     present = listed(others) or "no other column"
     message = (

@@ -107,7 +107,7 @@ class StructureChoice(Locked):
         columns.append(("", [candidate.remark for candidate in listed]))
         unlisted = len(self.candidates) - len(listed)
         remainder = f"and {unlisted} more" if unlisted else ""
-        return [self.reason, Table(columns), remainder]
+        return [self.reason, Table(columns), remainder, *self.estimate._parts()]
 
 
 def auto(

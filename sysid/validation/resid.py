@@ -239,8 +239,14 @@ def resid(estimate: AnyModel, data: IOData | Sequence[IOData], *, lags: int = 25
     first = experiments[0]
     model = as_model(estimate, first)
     errors = [residuals(estimate, experiment)[experiment.window :] for experiment in experiments]
-    shortest = min(len(of_experiment) for of_experiment in errors)
-    lags = whole_number("lags", lags, 1, shortest // 2 - 1)
+    shortest, lags = min(len(of_experiment) for of_experiment in errors), whole_number("lags", lags, 1)
+    if shortest < 4:
+        raise SysidError(f"{shortest} residuals in the shortest record; expected 4 or more")
+    if lags > (most := shortest // 2 - 1):
+        needed = 2 * lags + 2
+        raise SysidError(
+            f"{lags} lags need {needed} residuals, the shortest record has {shortest}; expected lags from 1 to {most}"
+        )
     signals = _signals(model, experiments, errors)
     auto = covariance_function(signals.e, signals.e, lags)[lags:] / (signals.e_size[:, None] * signals.e_size)
     cross = covariance_function(signals.e, signals.u, lags) / (signals.e_size[:, None] * signals.u_size)

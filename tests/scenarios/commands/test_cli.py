@@ -177,6 +177,7 @@ def test_wrong_csv(complaint, tmp_path, text, says):
 
 def test_wrong_files(complaint, tmp_path):
     assert "no data file" in complaint("identify", tmp_path / "missing.csv", *OE)
+    assert "is a folder, and no rosbag2 folder with a metadata.yaml" in complaint("identify", tmp_path, *OE)
     foreign = tmp_path / "foreign.xyz"
     foreign.write_bytes(bytes(range(256)) * 8)
     assert "unknown kind of data file" in complaint("identify", foreign, *OE)

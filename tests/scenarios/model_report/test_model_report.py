@@ -12,6 +12,7 @@ from scenarios.commands.cli import main
 from scenarios.identification.file_identification import identify_files
 from scenarios.identification.result_tables import verdict
 from scenarios.model_report import model_charts, summary
+from scenarios.model_report.plain_english import graded
 
 DT = 0.05
 
@@ -45,6 +46,12 @@ def test_the_summary_says_verdict_gain_and_bandwidth(found):
     hz = float(re.findall(r"up to ([\d.]+) Hz", sentence)[0])
     z = np.exp(2j * np.pi * hz * DT)
     assert abs(0.4 / (1.0 - 0.8 / z)) == pytest.approx(np.sqrt(2.0), rel=0.03)
+
+
+def test_a_badge_has_the_limit_of_its_verdict():
+    assert graded("sufficient above 0.5 Hz: white; fit 90 %") == ("sufficient above 0.5 Hz", "yes", "white; fit 90 %")
+    assert graded("residuals not tested; fit 90 %") == ("residuals not tested", "cannot", "fit 90 %")
+    assert graded("not sufficient: the runs differ: 2") == ("not sufficient", "not", "the runs differ: 2")
 
 
 def test_charts_hold_the_measured_and_the_simulated_values(found):

@@ -161,6 +161,7 @@ def test_packed_netcdf_and_dates(tmp_path):
         ("t,u,y\n0,1,2\n1,1,2\n5,3,4\n6,1,1", {}, "not uniform: 1 gap"),
         ("t (weeks),u,y\n0,1,2\n1,1,2", {}, "expected s, ms, us, ns, min, h or days"),
         ("u,y\n1,2\n2,2\n3,2", {}, "no sampling interval"),
+        ("t,u,y\n0,1,2", {}, "1 sample, which tells no sampling interval; expected two or more"),
         ("u,y,dt\n1,2,0.1\n2,2,0.1\n3,2,0.1", {"dt": 0.2}, "omit the wrong one"),
         ("u,y,dt\n1,2,0.1\n2,2,0.2\n3,2,0.1", {}, "'dt' is 0.1 to 0.2; expected one sampling interval"),
         ("u,angle\n1,2\n2,2", {"dt": 0.2, "outputs": ("angel",)}, "did you mean 'angle'"),

@@ -136,6 +136,7 @@ def test_validation_data_decide_and_the_choice_stands_for_its_estimate(tmp_path)
     sysid.exchange.to_matlab(choice.estimate, tmp_path / "two.m")
     assert (tmp_path / "one.m").read_text().replace("one", "two") == (tmp_path / "two.m").read_text()
     np.testing.assert_array_equal(residuals(choice, fresh), residuals(choice.estimate, fresh))
+    assert str(choice.estimate).splitlines()[0] in str(choice)
     assert "validation" in str(choice) and "the least error in simulation" in choice.reason
 
 

@@ -96,6 +96,11 @@ def test_refusals(p3):
     data = p3.draw(0)
     refused("level", lambda: resid(p3.truth, data, level=99.0))
     refused("lags", lambda: resid(p3.truth, data, lags=5000))
+    refused(
+        "25 lags need 52 residuals, the shortest record has 50; expected lags from 1 to 24",
+        lambda: resid(p3.truth, data[:50]),
+    )
+    refused("3 residuals in the shortest record; expected 4 or more", lambda: resid(p3.truth, data[:3]))
     perfect = IOData(data.u, lfilter([0, 1, 0.5], [1, -1.5, 0.7], data.u[:, 0]), data.dt)
     refused("residuals are zero", lambda: resid(p3.truth, perfect))
 
