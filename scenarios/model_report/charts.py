@@ -1,16 +1,19 @@
 """Charts of one identified model: outputs, step response, frequency response, correlations of the residuals."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 import sysid
 from scenarios.identification.identification import Identification, spectral_analysis
 from scenarios.report.chart import Chart, Panel, Series, record_series
-from sysid import Estimate, FrequencyResponse
+from sysid import Estimate, FrequencyResponse, IOData
 from sysid.models.confidence_bands import band
 from sysid.plots import BOUND, PALETTE, Style
+from sysid.records.arrays import FloatArray
+from sysid.records.excited_band import hann_power, not_leakage
 
 PIECE = 500
 """Samples of the piece of a record that is drawn sample by sample."""
@@ -172,10 +175,27 @@ def _nonparametric(result: Identification) -> FrequencyResponse | None:
     response = spectral_analysis(parts)
     if response is None:
         return None
-    response = response.determined()
+    known = np.isfinite(response.response[:, 0, 0]) & _has_power(parts, response.frequencies)
+    if response.covariance is not None:
+        # spectra that leakage governs have no variance: their coherence would exceed one
+        known &= np.isfinite(response.covariance[:, 0, 0, 0, 0])
     if response.coherence is not None:
-        response = response.select(response.coherence[:, 0, 0] > 0.5)
-    return response
+        known &= response.coherence[:, 0, 0] > 0.5
+    if not known.any():
+        return None
+    # A line that ends where the input has no power, and does not bridge it.
+    return replace(response, response=np.where(known[:, None, None], response.response, np.nan))
+
+
+def _has_power(parts: Sequence[IOData], frequencies: FloatArray) -> NDArray[np.bool_]:
+    """Whether the only input has power of its own at each of the frequencies (K,), in any of the records."""
+    has_power = np.zeros(len(frequencies), dtype=bool)
+    for part in parts:
+        u = part.scored.u[:, 0]
+        own = not_leakage(hann_power(u))
+        lines = np.rint(frequencies * len(u) * part.dt).astype(int)
+        has_power |= own[np.minimum(lines, len(own) - 1)]
+    return has_power
 
 
 def _bode_panels(
@@ -188,7 +208,7 @@ def _bode_panels(
     frequencies = np.geomspace(max(nyquist / 10.0**DECADES, 1.0 / longest), nyquist, FREQUENCIES)
     response = fitted.estimate.frequency_response(frequencies)
     gains, phases = [], []
-    if nonparametric is not None and len(nonparametric.frequencies):
+    if nonparametric is not None:
         gains.append(_gain_series("spectral analysis", nonparametric, PALETTE["spa"], i, j, with_interval=False))
         phases.append(_phase_series("spectral analysis", nonparametric, PALETTE["spa"], i, j, with_interval=False))
     gains.append(_gain_series("model", response, style, i, j))
@@ -220,7 +240,9 @@ def _phase_series(
     label: str, response: FrequencyResponse, style: Style, i: int, j: int, *, with_interval: bool = True
 ) -> Series:
     # unwrapped from its value at the lowest frequency
-    phase = np.degrees(np.unwrap(np.angle(response.response[:, i, j])))
+    known = np.isfinite(response.response[:, i, j])
+    phase = np.full(len(known), np.nan)
+    phase[known] = np.degrees(np.unwrap(np.angle(response.response[known, i, j])))
     low = high = None
     if with_interval and response.covariance is not None:
         ends = [np.degrees(end[:, i, j] - response.phase[:, i, j]) for end in response.phase_ci95()]

@@ -48,6 +48,23 @@ def test_the_summary_says_verdict_gain_and_bandwidth(found):
     assert abs(0.4 / (1.0 - 0.8 / z)) == pytest.approx(np.sqrt(2.0), rel=0.03)
 
 
+def test_spectral_analysis_is_drawn_where_the_input_has_power(tmp_path):
+    times = DT * np.arange(800)
+    tones = np.array([0.5, 1.25, 4.0])
+    u = np.sin(2.0 * np.pi * tones * times[:, None]).sum(axis=1)
+    y = lfilter([0, 0.4], [1, -0.8], u) + 0.02 * np.random.default_rng(4).standard_normal(800)
+    path = tmp_path / "tones.csv"
+    np.savetxt(path, np.column_stack((times, u, y)), delimiter=",", header="t,u,y", comments="")
+    found = identify_files([path], method="oe", orders=(1, 1, 1), held_out=0.25)
+    ((gain, phase),) = model_charts(found.result)["bode"].chart.views.values()
+    for panel in (gain, phase):
+        drawn = next(series for series in panel.series if series.label == "spectral analysis")
+        at = drawn.x[np.isfinite(drawn.y)]
+        distance = np.abs(at[:, None] - tones)
+        assert np.all(distance.min(axis=1) < 0.1)
+        assert np.all(distance.min(axis=0) < 0.1)
+
+
 def test_a_badge_has_the_limit_of_its_verdict():
     assert graded("sufficient above 0.5 Hz: white; fit 90 %") == ("sufficient above 0.5 Hz", "yes", "white; fit 90 %")
     assert graded("residuals not tested; fit 90 %") == ("residuals not tested", "cannot", "fit 90 %")
