@@ -283,7 +283,11 @@ def _judgement(result: Identification) -> str:
     else:
         least, hidden = _hidden_slow_part(result)
         above = f" above {least:.2g} Hz" if hidden else ""
-        if not result.test.white.all():
+        if not (result.test.independent | result.by_chance).all():
+            # that they depend on the input is the rounding, which depends on the output
+            above += " from input to output"
+            words = "the residuals are no larger than the rounding of the output"
+        elif not result.test.white.all():
             above += " from input to output"
             words = "the residuals do not depend on the input, but are not white"
         else:

@@ -387,9 +387,11 @@ def _reason_of_simulation(
 ) -> str:
     """Reason in words for a candidate that simulates better than the first one of the ranking."""
     delays = ", ".join(map(str, climb.delays))
+    # the simulation of an unstable model may overflow
+    error = f"{simulated.ratio:.3g} times that" if simulated.ratio > 0.0 else "finite, unlike that"
     return (
         f"{simulated.candidate}: in simulation of a part that it was not fitted to, its error is "
-        f"{simulated.ratio:.3g} times that of {ranked[0]}, which has the lowest BIC of {len(ranked)} candidates on "
+        f"{error} of {ranked[0]}, which has the lowest BIC of {len(ranked)} candidates on "
         f"{climb.search.samples} of {samples} samples; delays by delayest: {delays} samples"
     )
 

@@ -107,6 +107,21 @@ def test_an_integrator_has_neither_gain_nor_operating_point(method):
     assert float(rows["fit in simulation"].split(" %")[0]) > 99.0
 
 
+def test_an_integrator_that_runs_away_on_the_part_held_out_leaves_but_rounding_of_its_own_records():
+    """The slope is uncertain by a little: on the last quarter the errors exceed the rounding of the encoder."""
+    plant, (record,) = KINDS["integrator"](np.random.default_rng([211, 4]))
+    result = identified(record)
+    assert plant.finds(result.fitted.estimate)
+    assert not result.test.independent.all() and result.test.independence_p < 1e-4
+    assert result.rounded == (True,)
+    words = "sufficient from input to output: the residuals are no larger than the rounding of the output; "
+    assert verdict(result).startswith(words)
+    # errors that rounding does not explain still count
+    step = np.diff(np.unique(record.y)).min()
+    disturbed = record.y + 0.6 * step * np.sign(record.u)
+    assert identified(replace(record, y=disturbed)).rounded == (False,)
+
+
 def test_a_double_integrator_has_no_gain_either():
     """Torque to angle: the estimates of its two poles are a pair far from one, in the record's terms."""
     rng = np.random.default_rng(1)
