@@ -81,10 +81,7 @@ def read_parts(
     """
     path = Path(path)
     inputs, outputs, joints = _several(input), _several(output), _several(joint or ())
-    if not path.exists():
-        raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
-    if path.is_dir() and not (path / "metadata.yaml").exists():
-        raise ScenarioError(f"{str(path)!r} is a folder, and no rosbag2 folder with a metadata.yaml; expected {KINDS}")
+    _check_present(path)
     if dt is not None and not 0 < dt < np.inf:
         raise ScenarioError(f"dt must be above 0 s, given {dt}")
     # A table may be read by its columns or by joint; a .csv does not say what it excites.
@@ -130,6 +127,14 @@ def read_parts(
         return experiments_of(path, choice)
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
+
+
+def _check_present(path: Path) -> None:
+    """Refuse what is not there, and folders that hold no log."""
+    if not path.exists():
+        raise ScenarioError(f"no data file {str(path)!r}; expected {KINDS}")
+    if path.is_dir() and not (path / "metadata.yaml").exists():
+        raise ScenarioError(f"{str(path)!r} is a folder, and no rosbag2 folder with a metadata.yaml; expected {KINDS}")
 
 
 def _several(names: Names) -> tuple[str, ...]:

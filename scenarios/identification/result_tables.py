@@ -19,7 +19,7 @@ from scenarios.identification.identification import (
     without_python_advice,
 )
 from scenarios.identification.run_agreement import RunAgreement
-from sysid import Estimate, IOData, StructureChoice
+from sysid import Estimate, IOData, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
@@ -283,17 +283,18 @@ def _judgement(result: Identification) -> str:
     else:
         least, hidden = _hidden_slow_part(result)
         above = f" above {least:.2g} Hz" if hidden else ""
-        if not (result.test.independent | result.by_chance).all():
-            # that they depend on the input is the rounding, which depends on the output
-            above += " from input to output"
-            words = "the residuals are no larger than the rounding of the output"
-        elif not result.test.white.all():
-            above += " from input to output"
-            words = "the residuals do not depend on the input, but are not white"
-        else:
-            words = "the residuals are white and independent of the input"
-        return f"sufficient{above}: {words}; simulated fit {fits}{hidden}"
+        return f"sufficient{above}{_residuals_in_words(result, result.test)}; simulated fit {fits}{hidden}"
     return f"{words}; simulated fit {fits}"
+
+
+def _residuals_in_words(result: Identification, test: ResidualTest) -> str:
+    """What the residuals of a sufficient model say of it, behind that word."""
+    if not (test.independent | result.by_chance).all():
+        # rounding depends on the output, and so on the input
+        return " from input to output: the residuals are no larger than the rounding of the output"
+    if not test.white.all():
+        return " from input to output: the residuals do not depend on the input, but are not white"
+    return ": the residuals are white and independent of the input"
 
 
 def _lacks_line(result: Identification) -> bool:

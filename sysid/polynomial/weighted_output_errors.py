@@ -6,6 +6,7 @@ errors, so that frequencies at which the disturbance is strong count less [Ljung
 
 import warnings
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from sysid.models.predict import residuals
 from sysid.polynomial.bj import bj
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.orders import Orders, make_orders
-from sysid.polynomial.polynomial_estimate import make_estimate
+from sysid.polynomial.polynomial_estimate import make_estimate, prediction_error_estimate
 from sysid.polynomial.trends import subtract_lines
 from sysid.records.arguments import shown, whole_number
 from sysid.records.arrays import FloatArray
@@ -26,7 +27,10 @@ from sysid.records.errors import SysidError, SysidWarning, warn_each
 UNWEIGHTED = (0, 0)
 """Weighting of errors that all count alike."""
 
-ABOUT_NOISE = ("C has a root", "D has a root", "C and D nearly cancel", "intervals of the noise model")
+AT_THE_EDGE = ("C has a root", "D has a root")
+"""Words of the warnings on a model of the disturbance with a root at the unit circle."""
+
+ABOUT_NOISE = (*AT_THE_EDGE, "C and D nearly cancel", "intervals of the noise model")
 """Words of the warnings on a model of the disturbance, which the estimate leaves out."""
 
 
@@ -64,7 +68,15 @@ def weighted_oe(
     with warnings.catch_warnings():
         # repeated below, as far as they are about the path
         warnings.simplefilter("ignore", SysidWarning)
-        whole = bj(data, path["nb"], nc, nd, path["nf"], path["nk"], **options)
+        fit = partial(bj, data, path["nb"], nc, nd, path["nf"], path["nk"])
+        whole = fit(**options)
+        # sums of squares do not rank fits of Huber's loss
+        ranked_by_squares = not options["error_threshold"]
+        if options["start"] is None and ranked_by_squares and _is_at_the_edge(whole):
+            # There minima stand beside each other: one is also looked for from the path of unweighted errors.
+            unweighted = prediction_error_estimate("oe", data, path, coloured=False, **options)
+            rival = fit(**{**options, "start": unweighted.polynomials})
+            whole = min(whole, rival, key=lambda found: found.diagnostics["sum_of_squares"])
     recorded = as_experiments(data, missing=True)
     orders = make_orders(recorded[0].nu, **path)
     of_path = [k for k, name in enumerate(whole.parameter_names) if name[0] in "bf"]
@@ -89,6 +101,11 @@ def weighted_oe(
         recorded=recorded,
         looked_for_offset=True,
     )
+
+
+def _is_at_the_edge(whole: Estimate) -> bool:
+    """Whether a root of the model of the disturbance lies at the unit circle."""
+    return any(words in text for text in whole.diagnostics["warnings"] for words in AT_THE_EDGE)
 
 
 def _variance(experiments: Sequence[IOData], orders: Orders, theta: FloatArray, *, from_rest: bool) -> float:
