@@ -151,8 +151,8 @@ class MissingOutputs:
         # covariances by these, those off the diagonal twice
         flat = (np.where(valid, lag, 0) * ny + self.channels[to]) * ny + self.channels
         twice = np.where(np.arange(len(covariance)) > 0, 2.0, 1.0)[:, None]
-        weights = np.bincount(flat.ravel(), (twice * covariance * valid).ravel(), lags * ny * ny)
-        weights = weights.reshape(lags, ny, ny)
+        summed = np.bincount(flat.ravel(), (twice * covariance * valid).ravel(), lags * ny * ny)
+        weights = np.asarray(summed, dtype=np.float64).reshape(lags, ny, ny)
         # less the products beyond the end of the record
         ends = self._beyond(self.response)
         first, cut_off = self.count - len(ends), len(ends)
@@ -162,11 +162,10 @@ class MissingOutputs:
             corner += np.diag(entries, -d)
             if d:
                 corner += np.diag(entries, d)
-        out = np.empty(len(derivatives))
-        for i, derivative in enumerate(derivatives):
-            change = _correlation(derivative, self.response) + _correlation(self.response, derivative)
-            out[i] = np.sum(weights * change) - 2.0 * np.sum((corner @ ends) * self._beyond(derivative))
-        return out
+        # the derivative is linear in that of the response: its coefficients, once for all parameters
+        coefficients = _slope_of_correlations(weights, self.response)
+        coefficients -= 2.0 * self._before_end(corner @ ends)
+        return np.asarray(derivatives.reshape(len(derivatives), -1) @ coefficients.ravel())
 
     @property
     def _size(self) -> int:
@@ -184,10 +183,24 @@ class MissingOutputs:
     def _beyond(self, response: FloatArray) -> FloatArray:
         """Continuation of the columns of the last unknowns beyond the end of the record, one row each."""
         lags, ny = len(response), response.shape[1]
-        last = np.flatnonzero(self.times + lags > self.rows)
         padded = np.concatenate((response, np.zeros((lags, ny, ny))))
-        steps = self.rows - self.times[last][:, None] + np.arange(lags - 1)
-        return padded[steps, :, self.channels[last][:, None]].reshape(len(last), (lags - 1) * ny)
+        steps, channels = self._continued(lags)
+        return padded[steps, :, channels].reshape(len(steps), (lags - 1) * ny)
+
+    def _before_end(self, rows: FloatArray) -> FloatArray:
+        """The transpose of `_beyond`: (L, ny, ny) from rows like those of it."""
+        lags, ny = len(self.response), self.response.shape[1]
+        padded = np.zeros((2 * lags, ny, ny))
+        steps, channels = self._continued(lags)
+        errors = np.arange(ny)
+        places = (steps[:, :, None], errors, channels[:, :, None])
+        np.add.at(padded, places, rows.reshape(len(steps), lags - 1, ny))
+        return padded[:lags]
+
+    def _continued(self, lags: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+        """Samples of the response (m, L - 1) beyond the end of the record, and channels of these unknowns (m, 1)."""
+        last = np.flatnonzero(self.times + lags > self.rows)
+        return self.rows - self.times[last][:, None] + np.arange(lags - 1), self.channels[last][:, None]
 
 
 def _blocks_of_band(band: FloatArray, offset: int) -> FloatArray:
@@ -201,6 +214,20 @@ def _blocks_of_band(band: FloatArray, offset: int) -> FloatArray:
     inside = ((d >= 0) & (d < width))[:, :, None]
     entries = band[np.clip(d, 0, width - 1), :, column]
     return np.where(inside, entries, 0.0).transpose(2, 0, 1)
+
+
+def _slope_of_correlations(weights: FloatArray, response: FloatArray) -> FloatArray:
+    """Derivatives of a weighted sum of the correlations of a response by its entries, all (L, ny, ny).
+
+    The correlations are sums over s of response(s)[:, a]' response(s + lag)[:, b], the weights by lag, a and b.
+    """
+    lags = len(response)
+    # twice the length: a circular correlation of less would wrap around
+    size = scipy.fft.next_fast_len(2 * lags, real=True)
+    spectrum, of_weights = scipy.fft.rfft(response, size, axis=0), scipy.fft.rfft(weights, size, axis=0)
+    of_earlier = np.einsum("feb,fab->fea", spectrum, of_weights.conj())
+    of_later = np.einsum("feb,fba->fea", spectrum, of_weights)
+    return np.asarray(scipy.fft.irfft(of_earlier + of_later, size, axis=0)[:lags])
 
 
 def _correlation(first: FloatArray, second: FloatArray) -> FloatArray:
