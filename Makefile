@@ -78,7 +78,7 @@ sysid-alone: ## install sysid alone into a new environment and run its tests the
 	@"$(PYTHON)" tests/sysid_alone.py
 
 .PHONY: test-all
-test-all: $(INSTALLED) sysid-alone ## run everything that any of the other commands tests: two hours on two processors
+test-all: $(INSTALLED) sysid-alone ## run everything that any of the other commands tests: two to four hours on two processors
 	@echo "==> Running all tests"
 	@$(PYTEST)
 
