@@ -244,7 +244,9 @@ def _tested(model: StateSpace, terms: Sequence[_Terms], i: int) -> tuple[float, 
     rest = _without(np.vstack(linear), np.column_stack((np.concatenate(target), np.vstack(tested))))
     t, columns = rest[:, 0], rest[:, 1:]
     freedom = len(t) - 1 - linear[0].shape[1] - columns.shape[1]
-    if freedom < columns.shape[1] or not t.any():
+    size = float(np.concatenate([of_record.record.y[:, i] for of_record in terms]).std())
+    # of an output that stands still no part is distortion
+    if freedom < columns.shape[1] or not t.any() or size == 0.0:
         return None
     total, sizes = float(t @ t), np.sum(columns**2, axis=0)
     # a term that the lags of the inputs explain says nothing
@@ -254,7 +256,6 @@ def _tested(model: StateSpace, terms: Sequence[_Terms], i: int) -> tuple[float, 
     p = scipy.stats.f.sf(best / max(1.0 - best, np.finfo(float).eps) * freedom, 1, freedom)
     coefficients = np.linalg.lstsq(columns, t, rcond=DEPENDENT)[0]
     nonlinear = _without(np.vstack(raw_linear), (np.vstack(raw) @ coefficients)[:, None])
-    size = np.concatenate([of_record.record.y[:, i] for of_record in terms]).std()
     families: dict[str, float] = {}
     for family, part in zip(terms[0].families, explained.tolist(), strict=True):
         families[family] = max(families.get(family, 0.0), part)

@@ -28,6 +28,7 @@ def test_small_random_records():
     ("seed", "name"),
     [
         (1080, "tfest"),
+        (1181, "auto"),
         (1211, "polyest"),
         (1314, "arma"),
         (1352, "cross_validate"),
