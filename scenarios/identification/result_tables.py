@@ -156,7 +156,8 @@ def _runs_table(agreement: RunAgreement, record: IOData) -> ResultTable:
             columns.append(f"gain at 0 Hz of the run alone{path}")
             for k, row in enumerate(rows):
                 gain = float(agreement.gains[k, i, j])
-                row.append(f"{gain:.4g}" if isfinite(gain) else "not known")
+                shown = f"{gain:.4g}" if isfinite(gain) else "not known"
+                row.append(shown)
     title = f"Runs: they {word} in their response to the input (p = {test.p_value:.2g})"
     return ResultTable(title, tuple(columns), tuple(map(tuple, rows)))
 

@@ -51,7 +51,7 @@ def summary(found: FileIdentification) -> Summary:
 
 
 def graded(text: str) -> tuple[str, str, str]:
-    """A verdict as its first words, the class of their badge, and the rest."""
+    """Split a verdict into its first words, the class of their badge, and the rest."""
     # The limit of "sufficient above 0.5 Hz: ..." is one of the first words.
     grade, reason = re.split("[:;] ", text, maxsplit=1)
     badge = next((badge for start, badge in GRADES.items() if grade.startswith(start)), "cannot")

@@ -53,10 +53,10 @@ class MissingOutputs:
             return bare
         lag, to, valid = bare._pairs()
         # products of two columns of G are correlations of the response, but for what the end of the record cuts off
-        correlations = _correlation(response, response)
+        correlations = _autocorrelation(response)
         by_pair = correlations[np.where(valid, lag, 0), channels[to], channels]
         gram = np.where(valid, by_pair, 0.0)
-        ends = bare._beyond(response)
+        ends = bare._beyond()
         products = ends @ ends.T
         first = len(times) - len(ends)
         for d in range(min(band + 1, len(ends))):
@@ -154,7 +154,7 @@ class MissingOutputs:
         summed = np.bincount(flat.ravel(), (twice * covariance * valid).ravel(), lags * ny * ny)
         weights = np.asarray(summed, dtype=np.float64).reshape(lags, ny, ny)
         # less the products beyond the end of the record
-        ends = self._beyond(self.response)
+        ends = self._beyond()
         first, cut_off = self.count - len(ends), len(ends)
         corner = np.zeros((cut_off, cut_off))
         for d in range(min(len(covariance), cut_off)):
@@ -180,25 +180,26 @@ class MissingOutputs:
         lag = self.times[to] - self.times
         return lag, to, inside & (lag < len(self.response))
 
-    def _beyond(self, response: FloatArray) -> FloatArray:
+    def _beyond(self) -> FloatArray:
         """Continuation of the columns of the last unknowns beyond the end of the record, one row each."""
-        lags, ny = len(response), response.shape[1]
-        padded = np.concatenate((response, np.zeros((lags, ny, ny))))
-        steps, channels = self._continued(lags)
+        lags, ny = len(self.response), self.response.shape[1]
+        padded = np.concatenate((self.response, np.zeros((lags, ny, ny))))
+        steps, channels = self._continued()
         return padded[steps, :, channels].reshape(len(steps), (lags - 1) * ny)
 
     def _before_end(self, rows: FloatArray) -> FloatArray:
         """The transpose of `_beyond`: (L, ny, ny) from rows like those of it."""
         lags, ny = len(self.response), self.response.shape[1]
         padded = np.zeros((2 * lags, ny, ny))
-        steps, channels = self._continued(lags)
+        steps, channels = self._continued()
         errors = np.arange(ny)
         places = (steps[:, :, None], errors, channels[:, :, None])
         np.add.at(padded, places, rows.reshape(len(steps), lags - 1, ny))
         return padded[:lags]
 
-    def _continued(self, lags: int) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    def _continued(self) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
         """Samples of the response (m, L - 1) beyond the end of the record, and channels of these unknowns (m, 1)."""
+        lags = len(self.response)
         last = np.flatnonzero(self.times + lags > self.rows)
         return self.rows - self.times[last][:, None] + np.arange(lags - 1), self.channels[last][:, None]
 
@@ -230,11 +231,11 @@ def _slope_of_correlations(weights: FloatArray, response: FloatArray) -> FloatAr
     return np.asarray(scipy.fft.irfft(of_earlier + of_later, size, axis=0)[:lags])
 
 
-def _correlation(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Sums over s of first(s)[:, a]' second(s + lag)[:, b], (L, ny, ny)."""
-    lags = len(first)
+def _autocorrelation(response: FloatArray) -> FloatArray:
+    """Sums over s of response(s)[:, a]' response(s + lag)[:, b], (L, ny, ny)."""
+    lags = len(response)
     # twice the length: a circular correlation of less would wrap around
     size = scipy.fft.next_fast_len(2 * lags, real=True)
-    first_spectrum, second_spectrum = scipy.fft.rfft(first, size, axis=0), scipy.fft.rfft(second, size, axis=0)
-    product = np.einsum("fea,feb->fab", first_spectrum.conj(), second_spectrum)
+    spectrum = scipy.fft.rfft(response, size, axis=0)
+    product = np.einsum("fea,feb->fab", spectrum.conj(), spectrum)
     return np.asarray(scipy.fft.irfft(product, size, axis=0)[:lags])

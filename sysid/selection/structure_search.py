@@ -61,7 +61,7 @@ SILENT = "its disturbance has no power at some frequency: a root of C lies on th
 [SarganBhargava1983]; its path from the input shares the poles with that disturbance and suffers."""
 
 ON_CIRCLE = 1e-4
-"""Distance from the unit circle up to which a root of C lies on it."""
+"""Largest distance from the unit circle at which a root of C counts as lying on it."""
 
 CANCELS = 1e-2
 """Distance of a pole from such a root up to which they cancel, as those of an integrator measured in white noise."""
