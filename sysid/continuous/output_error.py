@@ -20,6 +20,7 @@ from sysid.models.continuous import Resampled
 from sysid.models.continuous_estimate import ContinuousEstimate
 from sysid.models.data_summary import DataSummary
 from sysid.models.predict import residuals
+from sysid.models.repeated_errors import count_repetition_once
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.least_squares import scaled_triangle
@@ -94,7 +95,7 @@ def output_error_estimate(
     warn_each(messages, stacklevel=2)
     sampled = Resampled(realise)
     model = sampled(theta)
-    return ContinuousEstimate(
+    estimate = ContinuousEstimate(
         model=model,
         polynomials=None,
         parameters=theta,
@@ -109,6 +110,7 @@ def output_error_estimate(
         realise=sampled,
         realise_continuous=realise,
     )
+    return count_repetition_once(estimate, experiments)
 
 
 def _starts_of_outputs(start: ArrayLike | None, rows: tuple[tuple[PathStructure, ...], ...]) -> list[FloatArray | None]:

@@ -5,6 +5,7 @@ from sysid.frequency.covf import CovarianceFunction, covf
 from sysid.frequency.cra import ImpulseResponse, cra
 from sysid.frequency.delayest import DelayEstimate, delayest
 from sysid.frequency.etfe import etfe
+from sysid.frequency.lpm import lpm
 from sysid.frequency.merge import merge
 from sysid.frequency.spa import spa
 from sysid.frequency.spafdr import spafdr
@@ -22,6 +23,7 @@ __all__ = [
     "cra",
     "delayest",
     "etfe",
+    "lpm",
     "merge",
     "spa",
     "spafdr",

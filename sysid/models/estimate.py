@@ -125,12 +125,25 @@ class Estimate(Labelled, Locked):
             if np.isfinite(fits).all():
                 listed_fits = ", ".join(f"{fit:.2f} %" for fit in fits)
                 paragraphs.append(f"fit to these data one step ahead: {listed_fits}")
+            paragraphs += self._repetition()
             if not self._shows_matrices:
                 variances = ", ".join(numbers(np.diag(self.noise_variance)))
                 paragraphs.append(f"innovation variance: {variances}")
         paragraphs.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         paragraphs += [f"warning: {message}" for message in self.diagnostics.get("warnings", ())]
         return paragraphs
+
+    def _repetition(self) -> list[str]:
+        """What repeats with the input, where it made the intervals wider."""
+        periods = self.diagnostics.get("periods")
+        if periods is None:
+            return []
+        sequences = counted(self.diagnostics["sequences"], "sequence")
+        share = 100.0 * self.diagnostics["repeated_share"]
+        return [
+            f"{periods} periods of {sequences}: {share:.0f} % of the errors' power repeats with the input, and the "
+            "intervals count it once"
+        ]
 
     def _parameter_paragraphs(self) -> list[Part]:
         """Paragraphs on the parameters: as matrices, as a table with deviations, or as polynomials if they are many."""

@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 
 from sysid.models.estimate import Estimate
+from sysid.models.repeated_errors import repeated_in_weighted_sum
 from sysid.polynomial.least_squares import LeastSquares, solve
 from sysid.polynomial.long_arx import arx_errors
 from sysid.polynomial.orders import Orders
@@ -26,13 +27,14 @@ def solve_with_instruments(
     instruments: Sequence[FloatArray],
     whitener: FloatArray,
     colour: FloatArray = WHITE,
-) -> tuple[LeastSquares, FloatArray]:
+) -> tuple[LeastSquares, FloatArray, list[FloatArray]]:
     """Solve the instrumental-variable equations Z' (y - Phi theta) = 0 on data filtered by the whitener 1, l1, ...
 
     An orthonormal basis Q replaces Z: Q' Phi is no worse conditioned than Phi, and the estimate is that of least
     squares with the regressors Q' Phi. The instruments (N, 1 + nu) take the place of [y, u] in the regressors Z. The
     filtered disturbance is white noise filtered by the inverse of the colour 1, c1, ... Returned beside the fit: the
-    covariance of theta (p, p) for white noise of variance 1 [Soderstrom1989, sec. 8.2].
+    covariance of theta (p, p) for white noise of variance 1 [Soderstrom1989, sec. 8.2], and the weights of the filtered
+    disturbance in theta, of each experiment (N_i, p).
     """
     order = len(whitener) - 1
     # the filter starts from zeros: its first samples are no data
@@ -52,16 +54,20 @@ def solve_with_instruments(
     basis[:, np.abs(np.diag(triangle)) < DEPENDENT] = 0.0
     regressors = basis.T @ phi
     fit = solve(regressors, (basis.T @ target)[:, None])
-    if len(colour) == 1:
-        return fit, fit.inverse_gram
-    # the correlation of v reaches across the omitted rows, which come back as zeros
+    # rows that were omitted come back as zeros: the correlation of v reaches across them
     in_time = np.zeros((len(complete), basis.shape[1]))
     in_time[complete] = basis
     ends = np.cumsum([len(e) - start for e, start in zip(experiments, starts, strict=True)])
     by_experiment = np.split(in_time, ends[:-1])
+    onto_parameters = regressors @ fit.inverse_gram
+    weights = []
+    for start, rows in zip(starts, by_experiment, strict=True):
+        weights.append(np.vstack((np.zeros((start, orders.count)), rows @ onto_parameters)))
+    if len(colour) == 1:
+        return fit, fit.inverse_gram, weights
     coloured = np.vstack([scipy.signal.lfilter([1.0], colour, rows, axis=0) for rows in by_experiment])
     half = coloured @ regressors @ fit.inverse_gram
-    return fit, half.T @ half
+    return fit, half.T @ half, weights
 
 
 def _filter_signals(whitener: FloatArray, signals: Sequence[FloatArray]) -> list[FloatArray]:
@@ -93,10 +99,17 @@ def instrumental_estimate(
     orders: Orders,
     fit: LeastSquares,
     shape: FloatArray,
+    weights: Sequence[FloatArray],
     whitener: FloatArray,
     messages: list[str],
+    *,
+    filtered: bool,
 ) -> Estimate:
-    """Give warnings and assemble the estimate, its covariance `shape` times the whitened disturbance's variance."""
+    """Give warnings and assemble the estimate, its covariance `shape` times the whitened disturbance's variance.
+
+    The `weights` in the parameters are those of the disturbance, or of the whitened one where the equations were
+    `filtered`; errors of either that repeat with the input count once.
+    """
     theta = fit.solution[:, 0]
     signals = disturbances(experiments, orders, theta)
     # the whitener's first samples are its transient
@@ -107,16 +120,25 @@ def instrumental_estimate(
     energy = sum(float(v @ v) for v in errors)
     messages = messages + fit.rank_message("instruments")
     warn_each(messages, stacklevel=3)
+    covariance = float(innovations @ innovations) / freedom * shape
+    diagnostics = {**fit.diagnostics, "whitener": whitener}
+    weighted = whitened if filtered else signals
+    in_time = [np.pad(np.nan_to_num(v), (len(e) - len(v), 0)) for e, v in zip(experiments, weighted, strict=True)]
+    repeated = repeated_in_weighted_sum(experiments, weights, in_time)
+    if repeated is not None:
+        diagnostics |= {**repeated[1].diagnostics, "covariance_of_independent_errors": covariance}
+        covariance = covariance + repeated[0]
     return make_estimate(
         method,
         experiments,
         orders,
         orders.select("na", "nb", "nk"),
         theta=theta,
-        covariance=float(innovations @ innovations) / freedom * shape,
+        covariance=covariance,
         variance=energy / (sum(map(len, errors)) - orders.count),
-        diagnostics={**fit.diagnostics, "whitener": whitener},
+        diagnostics=diagnostics,
         messages=messages,
+        repetition_counted=True,
     )
 
 

@@ -64,13 +64,13 @@ def iv4(data: IOData | Sequence[IOData], na: int, nb: int | Sequence[int], nk: i
         theta = arx_solution(y, u, orders.na, orders.nb, orders.nk, rows)
     else:
         theta = arx(experiments, orders.na, orders.nb, orders.nk).parameters
-    fit, _ = solve_with_instruments(experiments, orders, _simulated_instruments(experiments, orders, theta), WHITE)
+    fit, *_ = solve_with_instruments(experiments, orders, _simulated_instruments(experiments, orders, theta), WHITE)
     theta = fit.solution[:, 0]
     whitener = disturbance_whitener(experiments, orders, theta, usable)
-    fit, shape = solve_with_instruments(
+    fit, shape, weights = solve_with_instruments(
         experiments, orders, _simulated_instruments(experiments, orders, theta), whitener
     )
-    return instrumental_estimate("iv4", experiments, orders, fit, shape, whitener, messages)
+    return instrumental_estimate("iv4", experiments, orders, fit, shape, weights, whitener, messages, filtered=True)
 
 
 def _simulated_instruments(experiments: Sequence[IOData], orders: Orders, theta: FloatArray) -> list[FloatArray]:

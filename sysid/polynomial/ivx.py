@@ -70,7 +70,7 @@ def ivx(
         instruments = [np.hstack((z, e.u)) for z, e in zip(signals, experiments, strict=True)]
     messages = check_excitation(experiments, orders.nb) + check_means(experiments, orders.na)
     usable = check_enough_data(experiments, orders, transients=0)
-    fit, _ = solve_with_instruments(experiments, orders, instruments, WHITE)
+    fit, *_ = solve_with_instruments(experiments, orders, instruments, WHITE)
     whitener = disturbance_whitener(experiments, orders, fit.solution[:, 0], usable)
-    fit, shape = solve_with_instruments(experiments, orders, instruments, WHITE, colour=whitener)
-    return instrumental_estimate("ivx", experiments, orders, fit, shape, whitener, messages)
+    fit, shape, weights = solve_with_instruments(experiments, orders, instruments, WHITE, colour=whitener)
+    return instrumental_estimate("ivx", experiments, orders, fit, shape, weights, whitener, messages, filtered=False)

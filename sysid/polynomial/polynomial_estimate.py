@@ -16,6 +16,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.polynomials import Polynomials, innovations_form
 from sysid.models.predict import residuals
 from sysid.models.record_hash import record_hash
+from sysid.models.repeated_errors import count_repetition_once
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.constraints import Constraint, FixedRows, constrained_search, fixed_coefficients
 from sysid.polynomial.data_checks import after_rest, check_excitation, check_means, constant_inputs
@@ -85,12 +86,14 @@ def make_estimate(
     looked_for_offset: bool = False,
     looks_for_outliers: bool = False,
     is_robust: bool = False,
+    repetition_counted: bool = False,
 ) -> Estimate:
     """Assemble the estimate: model, polynomials, residuals on its own data, their initial state fitted or at rest.
 
     The `recorded` experiments are those that the model recognises as its own, where trends were subtracted from them.
     Unless the estimator `looked_for_offset`, the errors of the model show whether it lacks one. On request they are
-    searched for outliers, which a fit that `is_robust` lets count linearly.
+    searched for outliers, which a fit that `is_robust` lets count linearly. Errors that repeat with the input count
+    once in the covariance; in that of some estimators they do already, `repetition_counted`.
     """
     summary = DataSummary.of(experiments)
     if recorded is not None:
@@ -119,7 +122,7 @@ def make_estimate(
         of_outliers = outlier_messages([of_record[:, 0] for of_record in errors], experiments, count_linearly=is_robust)
         messages = (*messages, *of_outliers)
         warn_each(of_outliers, stacklevel=4)
-    return Estimate(
+    estimate = Estimate(
         model=model,
         polynomials=orders.polynomials(theta),
         parameters=theta,
@@ -133,6 +136,7 @@ def make_estimate(
         data=summary,
         realise=realise,
     )
+    return estimate if repetition_counted else count_repetition_once(estimate, experiments)
 
 
 def known_estimate(

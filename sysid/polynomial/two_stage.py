@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
+from sysid.models.repeated_errors import LEVEL, mean_period, repeated_errors
 from sysid.polynomial.arx import arx
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.oe import oe
@@ -143,7 +144,14 @@ def _covariance(
         for term, row, e in zip(terms, rows, experiments, strict=True):
             input_errors = e.u[-len(row) :, j] - row @ stage.parameters
             term[-len(row) :] -= (row @ weight) * input_errors[:, None]
-    return half @ long_run_covariance(terms) @ half.T
+    of_sum = long_run_covariance(terms)
+    by_reference = [IOData(r, e.y, e.dt, window=e.window) for r, e in zip(references, experiments, strict=True)]
+    repeated = repeated_errors(by_reference, terms)
+    if repeated is not None and repeated.p_value < LEVEL:
+        for group in repeated.groups:
+            # what is the same in all periods adds up with their number, not with its root
+            of_sum = of_sum + group.count**2 * long_run_covariance([mean_period(group, terms)])
+    return half @ of_sum @ half.T
 
 
 def _regressors(e: IOData, j: int, reference: FloatArray, stage: Estimate) -> FloatArray:

@@ -84,6 +84,11 @@ def weighted_oe(
     experiments = recorded
     if "offsets" in whole.diagnostics:
         experiments = subtract_lines(recorded, whole.diagnostics["offsets"], whole.diagnostics.get("slopes"))
+    block = np.ix_(of_path, of_path)
+    diagnostics = {**whole.diagnostics, "weighting": whole.polynomials}
+    independent = diagnostics.get("covariance_of_independent_errors")
+    if independent is not None:
+        diagnostics["covariance_of_independent_errors"] = independent[block]
     from_rest = InitialConditions.of(options["initial_conditions"]) is InitialConditions.ZERO
     messages = [text for text in whole.diagnostics["warnings"] if not any(words in text for words in ABOUT_NOISE)]
     warn_each(messages, stacklevel=3)
@@ -93,13 +98,14 @@ def weighted_oe(
         orders,
         orders.select("nb", "nf", "nk"),
         theta=theta,
-        covariance=whole.covariance[np.ix_(of_path, of_path)],
+        covariance=whole.covariance[block],
         variance=_variance(experiments, orders, theta, from_rest=from_rest),
-        diagnostics={**whole.diagnostics, "weighting": whole.polynomials},
+        diagnostics=diagnostics,
         messages=messages,
         at_rest=from_rest,
         recorded=recorded,
         looked_for_offset=True,
+        repetition_counted=True,
     )
 
 

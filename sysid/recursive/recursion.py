@@ -96,6 +96,7 @@ def recurse(
         variance=variance,
         diagnostics={"adaptation": rule, "shortened": end.shortened, "steps": end.steps, "left": left},
         messages=messages,
+        repetition_counted=True,
     )
     return RecursiveEstimate(
         trajectory, orders.names, recursion.predicted, recursion.residuals, P, final, end, end.shortened

@@ -10,6 +10,7 @@ from sysid.polynomial.least_squares import LeastSquares, solve, solve_blocks
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
+from sysid.records.repetition import Repetition
 
 BLOCK = 2_000_000  # entries of a block of regressors, 16 MB
 
@@ -69,13 +70,43 @@ class ObserverRegression:
 
     def blocks(self) -> Iterator[FloatArray]:
         """Rows [u(t)], u(t-1), y(t-1), ..., u(t-p), y(t-p), y(t) in blocks (rows, width + ny)."""
-        columns = self.width + self.experiments[0].ny
+        for e in self.experiments:
+            for first, end in self._spans(e):
+                block = self._block(e, first, end)
+                yield block if e.complete else block[np.isfinite(block).all(axis=1)]
+
+    def _spans(self, e: IOData) -> Iterator[tuple[int, int]]:
+        """First and end of the rows of each block of an experiment."""
+        columns = self.width + e.ny
         # at least as many rows as columns, or the triangle of a block is no smaller than the block
         block_rows = max(BLOCK // columns, columns)
+        for first in range(self._start(e), len(e), block_rows):
+            yield first, min(first + block_rows, len(e))
+
+    def errors(self, solution: FloatArray) -> list[FloatArray]:
+        """Errors of the equations of a solution (width, ny), of each experiment (N_i, ny); zero without an equation."""
+        errors = []
         for e in self.experiments:
-            for first in range(self._start(e), len(e), block_rows):
-                block = self._block(e, first, min(first + block_rows, len(e)))
-                yield block if e.complete else block[np.isfinite(block).all(axis=1)]
+            of_record = np.zeros((len(e), e.ny))
+            for first, end in self._spans(e):
+                block = self._block(e, first, end)
+                of_record[first:end] = np.nan_to_num(block[:, self.width :] - block[:, : self.width] @ solution)
+            errors.append(of_record)
+        return errors
+
+    def mean_regressors(self, group: Repetition) -> FloatArray:
+        """Mean of the regressors over the periods of a sequence (period, width); zero without an equation."""
+        total = np.zeros((group.period, self.width))
+        for k, start in group.starts:
+            e = self.experiments[k]
+            first, end = max(start, self._start(e)), start + group.period
+            if first >= end:
+                continue
+            block = self._block(e, first, end)
+            # an equation with a missing sample is none
+            block[~np.isfinite(block).all(axis=1)] = 0.0
+            total[first - start :] += block[:, : self.width]
+        return total / group.count
 
     def names(self, data: DataSummary) -> tuple[str, ...]:
         """Names of the coefficients, output by output."""

@@ -11,6 +11,7 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
+from sysid.models.repeated_errors import LEVEL, RepeatedErrors, mean_period, repeated_errors, sum_over_periods
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import LeastSquares
@@ -351,6 +352,11 @@ def _make_estimate(
     to_model: Realise | RealiseLocally = realise
     if len(theta) <= LARGEST_COVARIANCE:
         covariance = np.asarray(np.kron(realise.covariance, fit.inverse_gram), dtype=np.float64)
+        repeated = _repeated(regression, fit)
+        if repeated is not None:
+            before = {"covariance_of_independent_errors": covariance}
+            diagnostics = {**diagnostics, **repeated[1].diagnostics, **before}
+            covariance = covariance + repeated[0]
     else:
         to_model = RealiseLocally.of_all_entries(model, Scales.of(experiments), realise.data)
         parameters = to_model.parameters
@@ -374,6 +380,21 @@ def _make_estimate(
         data=realise.data,
         realise=to_model,
     )
+
+
+def _repeated(regression: ObserverRegression, fit: LeastSquares) -> tuple[FloatArray, RepeatedErrors] | None:
+    """What errors that repeat with the input add to the covariance of the parameters, output by output, and which."""
+    errors = regression.errors(fit.solution)
+    repeated = repeated_errors(regression.experiments, errors)
+    if repeated is None or repeated.p_value >= LEVEL:
+        return None
+    total: FloatArray | float = 0.0
+    for group in repeated.groups:
+        # the equations of an output see the errors of that output alone
+        weighted = regression.mean_regressors(group) @ fit.inverse_gram
+        slopes = np.stack([np.kron(row, weighted) for row in np.eye(errors[0].shape[1])], axis=1)
+        total = total + sum_over_periods(group, slopes, mean_period(group, errors))
+    return np.asarray(total), repeated
 
 
 def _too_many_parameters(regression: ObserverRegression, count: int, order: int) -> str:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import residuals
+from sysid.models.repeated_errors import count_repetition_once
 from sysid.models.state_space import StateSpace, is_covariance
 from sysid.polynomial.offset_test import offset_messages
 from sysid.records.arguments import shown
@@ -140,7 +141,7 @@ def make_predictor_estimate(
         of_offset = offset_messages(model, experiments, errors)
         messages = (*messages, *of_offset)
         warn_each(of_offset, stacklevel=3)
-    return Estimate(
+    estimate = Estimate(
         model=model,
         polynomials=None,
         parameters=parameters,
@@ -154,6 +155,7 @@ def make_predictor_estimate(
         data=summary,
         realise=realise,
     )
+    return count_repetition_once(estimate, experiments)
 
 
 def usable_samples(experiments: Sequence[IOData]) -> float:

@@ -7,6 +7,7 @@ from sysid.validation.feedback import FeedbackTest, feedback
 from sysid.validation.homogeneity import HomogeneityTest, homogeneity
 from sysid.validation.identifiability import Identifiability, identifiability
 from sysid.validation.input_independence import InputIndependence, input_independence
+from sysid.validation.model_error import ModelError, model_error
 from sysid.validation.resid import ResidualTest, resid
 from sysid.validation.selstruc import selstruc
 from sysid.validation.structure_scan import StructureTable, choose_orders, structure_scan
@@ -18,6 +19,7 @@ __all__ = [
     "HomogeneityTest",
     "Identifiability",
     "InputIndependence",
+    "ModelError",
     "ModelFit",
     "ResidualTest",
     "StructureTable",
@@ -30,6 +32,7 @@ __all__ = [
     "homogeneity",
     "identifiability",
     "input_independence",
+    "model_error",
     "resid",
     "selstruc",
     "structure_scan",

@@ -1,0 +1,254 @@
+"""Covariance of estimates from records whose input repeats: errors that repeat with it count once.
+
+A nonlinearity answers the same sequence in the same way, period after period, and a model of too low an order misses
+the same part of it each time. Formulas for errors that are independent of the input take every period for another
+experiment, and their intervals are too narrow by up to the root of the number of periods.
+"""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+import scipy
+
+from sysid.models.delta_method import STEP, standard_directions
+from sysid.models.estimate import Estimate
+from sysid.models.frequency_response import NORMAL_95
+from sysid.models.predict import residuals
+from sysid.models.state_space import StateSpace
+from sysid.records.arrays import FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidWarning
+from sysid.records.repetition import Repetition, repetitions
+
+AnyEstimate = TypeVar("AnyEstimate", bound=Estimate)
+
+LEVEL = 0.01  # p-value of "the errors do not repeat" below which they count once
+FEWEST_LINES = 4  # of a period whose power is averaged: fewer leave the covariance unknown
+LINES_OF_SPECTRUM = 8  # samples of a period for each line that may be averaged
+UPPER_95 = 0.975  # probability at the upper end of a 95 % interval
+MOST_DIRECTIONS = 400  # parameters whose effect on the errors is computed, two simulations of the record each
+
+
+@dataclass(frozen=True)
+class RepeatedErrors:
+    """Prediction errors that repeat with the sequence of the input.
+
+    Attributes:
+        groups: The sequences and where they are played.
+        share: Part of the errors' power that repeats, 0 to 1.
+        p_value: Of the hypothesis that nothing of them repeats.
+    """
+
+    groups: tuple[Repetition, ...]
+    share: float
+    p_value: float
+
+    @property
+    def diagnostics(self) -> dict[str, float | int]:
+        """Entries of an estimate's diagnostics."""
+        return {
+            "sequences": len(self.groups),
+            "periods": sum(group.count for group in self.groups),
+            "period": self.groups[0].period,
+            "repeated_share": self.share,
+        }
+
+
+def repeated_errors(experiments: Sequence[IOData], errors: Sequence[FloatArray]) -> RepeatedErrors | None:
+    """Test whether prediction errors of each experiment (N_i, ny) repeat with the input; None where the input does not.
+
+    The variance of the means over the periods, times their number, is that of the errors within them if the periods
+    are independent, whatever the colour of the errors: an F test, with as many degrees of freedom as the spectrum of
+    the errors has independent values [Satterthwaite1946].
+    """
+    groups = repetitions(experiments)
+    if not groups:
+        return None
+    between, within = 0.0, 0.0
+    freedom_between, freedom_within = 0.0, 0.0
+    for group in groups:
+        folded = group.folded([np.nan_to_num(e) for e in errors])
+        mean = folded.mean(axis=0)
+        deviations = folded - mean
+        values = _independent_values(deviations)
+        between += group.count * float(np.sum(mean**2)) / group.period * values
+        within += float(np.sum(deviations**2)) / group.period * values
+        freedom_between += values
+        freedom_within += (group.count - 1) * values
+    if not freedom_within:
+        return None
+    of_mean, of_noise = between / freedom_between, within / freedom_within
+    if of_mean <= 0.0:
+        # no errors at all
+        return None
+    p_value = 0.0
+    if of_noise > 0.0:
+        p_value = float(scipy.stats.f.sf(of_mean / of_noise, freedom_between, freedom_within))
+    # the noise of the mean over the periods is that of one, divided by their number
+    periods = sum(group.count for group in groups) / len(groups)
+    repeating = max(of_mean - of_noise, 0.0) / periods
+    return RepeatedErrors(groups, repeating / (repeating + of_noise), p_value)
+
+
+def _independent_values(deviations: FloatArray) -> float:
+    """Number of independent values in a period of coloured errors, from deviations of periods (count, period, ny)."""
+    count, period, ny = deviations.shape
+    power = np.mean(np.abs(scipy.fft.rfft(deviations, axis=1)) ** 2, axis=0)
+    squares = float(np.sum(power**2))
+    if squares <= 0.0:
+        return float(period * ny)
+    # a mean over few periods scatters, which adds to the sum of the squares
+    unbiased = squares * (count - 1) / count
+    return min(2.0 * float(power.sum()) ** 2 / unbiased, float(period * ny))
+
+
+def sum_over_periods(group: Repetition, slopes: FloatArray, errors: FloatArray) -> FloatArray:
+    """Covariance (q, q) of the sum over all periods of slopes times errors that are the same in each of them.
+
+    Two estimates, each of which sees what the other misses, the larger one in every direction. Over lines: the sum is
+    that of Psi_k^H E_k, of lines that are taken as independent with the power that each of them shows [White1982]; a
+    model of too low an order leaves power there that its sum does not show. In time: see `_spectrum_at_zero`; a
+    nonlinearity makes large errors where the slopes are large, which lines do not show. What is the same in all periods
+    adds up with their number, not with its root.
+
+    Args:
+        group: The sequence.
+        slopes: Derivatives of the errors in the mean period (period, ny, q).
+        errors: The errors there (period, ny).
+    """
+    over_lines = (
+        np.einsum("kiq,ki->kq", scipy.fft.fft(slopes, axis=0).conj(), scipy.fft.fft(errors, axis=0)) / group.period
+    )
+    of_lines = (over_lines.conj().T @ over_lines).real
+    in_time = _spectrum_at_zero(np.einsum("tiq,ti->tq", slopes, errors))
+    return group.count**2 * _larger(of_lines, in_time)
+
+
+def _spectrum_at_zero(terms: FloatArray) -> FloatArray:
+    """Covariance (q, q) of the sum over a period of a stationary signal (period, q): its spectrum at 0 Hz.
+
+    The mean of the periodogram over the lowest lines, as many as a first-order autoregression with the correlation of
+    the signal has nearly the same power at [BrockwellDavis2002, sec. 4.2]. Intervals have Student's distribution with
+    two degrees of freedom a line, for which the covariance is enlarged.
+    """
+    period, q = terms.shape
+    energy = float(np.sum(terms**2))
+    if energy <= 0.0:
+        return np.zeros((q, q))
+    correlation = float(np.sum(terms * np.roll(terms, 1, axis=0))) / energy
+    flat = period * (1.0 - correlation) / (2.0 * np.pi)
+    most = max(period // LINES_OF_SPECTRUM, 1)
+    lines = int(np.clip(flat, min(FEWEST_LINES, most), most))
+    transform = scipy.fft.rfft(terms, axis=0)[1 : lines + 1]
+    student = float(scipy.stats.t.ppf(UPPER_95, 2 * lines)) / NORMAL_95
+    return np.asarray(student**2 * (transform.conj().T @ transform).real / lines)
+
+
+def _larger(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Covariance that is no smaller than either of two in any direction, and than both by no more than it must."""
+    values, vectors = np.linalg.eigh(first + second)
+    kept = values > np.finfo(float).eps * len(values) * max(values.max(initial=0.0), np.finfo(float).tiny)
+    root = vectors[:, kept] * np.sqrt(values[kept])
+    whitener = vectors[:, kept] / np.sqrt(values[kept])
+    # in these coordinates the two add up to the identity: they have the same axes
+    shares, axes = np.linalg.eigh(whitener.T @ first @ whitener)
+    half = root @ axes
+    return np.asarray((half * np.maximum(shares, 1.0 - shares)) @ half.T)
+
+
+def mean_period(group: Repetition, signals: Sequence[FloatArray]) -> FloatArray:
+    """Mean over the periods of a sequence (period, ...), from signals of the experiments (N_i, ...), NaN as zero."""
+    total = np.zeros((group.period, *signals[0].shape[1:]))
+    for k, start in group.starts:
+        total += np.nan_to_num(signals[k][start : start + group.period])
+    return total / group.count
+
+
+def repeated_in_weighted_sum(
+    experiments: Sequence[IOData], weights: Sequence[FloatArray], errors: Sequence[FloatArray]
+) -> tuple[FloatArray, RepeatedErrors] | None:
+    """What repeated errors add to the covariance of an estimate whose error is a weighted sum of errors.
+
+    Args:
+        experiments: The records.
+        weights: Weights w of each experiment (N_i, p), zero where the estimate has no equation: the error of the
+            parameters is the sum over time of w(t) e(t).
+        errors: The errors e (N_i,), zero likewise.
+
+    Returns:
+        The covariance (p, p), and what repeats; None where nothing does.
+    """
+    columns = [error[:, None] for error in errors]
+    repeated = repeated_errors(experiments, columns)
+    if repeated is None or repeated.p_value >= LEVEL:
+        return None
+    total = np.zeros((weights[0].shape[1],) * 2)
+    for group in repeated.groups:
+        total += sum_over_periods(group, mean_period(group, weights)[:, None], mean_period(group, columns))
+    return total, repeated
+
+
+def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) -> AnyEstimate:
+    """Widen the covariance of an estimate whose errors repeat with the input, and say so in its diagnostics.
+
+    The covariance gets what the errors of the mean period contribute beside independent ones. Without a repetition of
+    the input, or of the errors with it, the estimate is returned as it is.
+
+    Args:
+        estimate: The estimate.
+        experiments: The records of its fit, about its operating point, trends removed.
+    """
+    if not np.isfinite(estimate.covariance).all() or not estimate.covariance.any():
+        return estimate
+    errors = _errors_by_experiment(estimate.model, experiments)
+    repeated = repeated_errors(experiments, errors)
+    if repeated is None or repeated.p_value >= LEVEL:
+        return estimate
+    directions = standard_directions(estimate.covariance)
+    directions = directions[:, np.abs(directions).max(axis=0) > 0.0]
+    if directions.shape[1] > MOST_DIRECTIONS:
+        return estimate
+    whitening = np.linalg.cholesky(np.linalg.pinv(estimate.noise_variance, hermitian=True))
+    slopes = _slopes(estimate, experiments, directions)
+    whitened_slopes = [np.einsum("tiq,ij->tjq", slope, whitening) for slope in slopes]
+    whitened_errors = [error @ whitening for error in errors]
+    curvature = np.sum([np.einsum("tiq,tir->qr", slope, slope) for slope in whitened_slopes], axis=0)
+    # a direction that a prior or a realisation decides has less effect on the errors than its deviation says
+    values, vectors = np.linalg.eigh(curvature)
+    inverse = (vectors / np.maximum(values, 1.0)) @ vectors.T
+    middle = np.zeros_like(curvature)
+    for group in repeated.groups:
+        middle += sum_over_periods(group, mean_period(group, whitened_slopes), mean_period(group, whitened_errors))
+    half = directions @ inverse
+    covariance = estimate.covariance + half @ middle @ half.T
+    return replace(
+        estimate,
+        covariance=0.5 * (covariance + covariance.T),
+        diagnostics={
+            **estimate.diagnostics,
+            **repeated.diagnostics,
+            "covariance_of_independent_errors": estimate.covariance,
+        },
+    )
+
+
+def _errors_by_experiment(model: StateSpace, experiments: Sequence[IOData]) -> list[FloatArray]:
+    """Prediction errors (N_i, ny) of each experiment, its initial state fitted; NaN where an output is missing."""
+    with warnings.catch_warnings():
+        # the estimator has reported an unstable predictor
+        warnings.simplefilter("ignore", SysidWarning)
+        return [residuals(model, experiment) for experiment in experiments]
+
+
+def _slopes(estimate: Estimate, experiments: Sequence[IOData], directions: FloatArray) -> list[FloatArray]:
+    """Derivatives of the errors of each experiment along directions (p, q) of the parameters (N_i, ny, q)."""
+    columns: list[list[FloatArray]] = [[] for _ in experiments]
+    for direction in directions.T:
+        ahead = _errors_by_experiment(estimate.realise(estimate.parameters + STEP * direction), experiments)
+        behind = _errors_by_experiment(estimate.realise(estimate.parameters - STEP * direction), experiments)
+        for column, later, earlier in zip(columns, ahead, behind, strict=True):
+            column.append(np.nan_to_num(later - earlier) / (2.0 * STEP))
+    return [np.stack(column, axis=2) for column in columns]

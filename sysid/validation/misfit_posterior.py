@@ -1,0 +1,201 @@
+"""Posterior of the relative error of a model's response, from the errors of its simulation line by line.
+
+Stochastic embedding [Goodwin1992]: the error of the response is what the parameters can still change, plus a smooth
+random function of the logarithm of the frequency, which stands for too low an order; what is left from line to line is
+noise and nonlinear distortion, which is rough because the phases of the lines are. The size of both parts follows from
+the data, by their marginal likelihood [Rasmussen2006, ch. 5].
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from sysid.records.arrays import ComplexArray, FloatArray
+
+OCTAVES = 1.2  # over which the error of a response changes: the width of a pair of poles beside a pair of zeros
+SIZES = tuple(
+    10.0 ** np.arange(-2.0, 5.0)
+)  # variances of the smooth part, over those of the rough part, that are tried
+# powers of the frequency that the variance of the rough part may follow, relative to the response: friction distorts
+# slow motion most; and the share of noise at the output, which a falling response makes larger
+SLOPES = (-1.0, -2.0)
+RISING_SHARES = (0.0, 0.003, 0.03)
+RISING = 3.0  # power of the frequency of that share
+NEGLIGIBLE = 1e-6  # weight of a hypothesis that is left out
+RANK = 1e-6  # singular value of the sensitivities, relative to the largest, that counts as zero
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Errors of a model's simulation at lines of the input, relative to the model's response.
+
+    Attributes:
+        frequencies: Hz (n,).
+        inputs: Outputs of the paths, relative to the root of the sum of their squared gains (n, nu).
+        errors: Measured less simulated output, relative likewise (n,).
+        sensitivities: Change of the simulated output per parameter direction, relative likewise (n, p).
+        variances: Variance of the rough part (n,), where it can be seen apart from the smooth one; None where not.
+        freedom: Degrees of freedom of these variances; 0 without them.
+    """
+
+    frequencies: FloatArray
+    inputs: ComplexArray
+    errors: ComplexArray
+    sensitivities: ComplexArray
+    variances: FloatArray | None
+    freedom: float
+
+    def __len__(self) -> int:
+        """Number of lines."""
+        return len(self.frequencies)
+
+    def chosen(self, rows: np.ndarray) -> "Lines":
+        """Some of the lines."""
+        return Lines(
+            self.frequencies[rows],
+            self.inputs[rows],
+            self.errors[rows],
+            self.sensitivities[rows],
+            None if self.variances is None else self.variances[rows],
+            self.freedom,
+        )
+
+
+@dataclass(frozen=True)
+class Hypotheses:
+    """Posterior of the relative error at one frequency, one row for each hypothesis on its parts.
+
+    Attributes:
+        weights: Posterior probabilities (m,).
+        means: Relative error of each path (m, nu).
+        covariances: Of its real and imaginary part (m, nu, 2, 2).
+        freedom: Degrees of freedom of the common scale.
+    """
+
+    weights: FloatArray
+    means: ComplexArray
+    covariances: FloatArray
+    freedom: float
+
+    def log_gain_quantile(self, path: int, probability: float) -> float:
+        """Quantile of the logarithm of the true gain over the model's, of one path."""
+        ratio = 1.0 + self.means[:, path]
+        gain = np.maximum(np.abs(ratio), 1e-12)
+        along = np.stack((ratio.real, ratio.imag), axis=1) / gain[:, None]
+        variance = np.einsum("mi,mij,mj->m", along, self.covariances[:, path], along)
+        centre, deviation = np.log(gain), np.sqrt(np.maximum(variance, 1e-30)) / gain
+
+        def excess(value: float) -> float:
+            below = scipy.stats.t.cdf((value - centre) / deviation, self.freedom)
+            return float(self.weights @ below) - probability
+
+        reach = 40.0 * float(deviation.max()) + 1.0
+        low, high = float(centre.min()) - reach, float(centre.max()) + reach
+        if excess(low) >= 0.0 or excess(high) <= 0.0:
+            # the tails of few degrees of freedom reach further than any use
+            return low if probability < 0.5 else high
+        return float(scipy.optimize.brentq(excess, low, high, xtol=1e-6))
+
+
+def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hypotheses:
+    """Posterior of the relative error at a frequency.
+
+    Args:
+        lines: The lines about it.
+        frequency: Hz, above 0.
+        sensitivities: Relative change of the response of each path per parameter direction there (nu, p).
+    """
+    n, nu = lines.inputs.shape
+    scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
+    y = _stacked(lines.errors[:, None])[:, 0]
+    basis, to_basis = _orthonormal(_stacked(lines.sensitivities))
+    at_query = np.stack((sensitivities.real, sensitivities.imag), axis=1) @ to_basis
+    prior = _smooth_covariance(lines.frequencies, lines.inputs, lines.frequencies, lines.inputs) / scale
+    unit: ComplexArray = np.eye(nu, dtype=complex)
+    # covariance of real and imaginary part of each path at the frequency with the lines (nu, 2, 2 n)
+    cross = (
+        np.array(
+            [
+                _smooth_covariance(np.array([frequency]), unit[[j]], lines.frequencies, lines.inputs, column=j)
+                for j in range(nu)
+            ]
+        )
+        / scale
+    )
+    freedom = 2.0 * n - basis.shape[1] + lines.freedom
+    logarithms, means, covariances = [], [], []
+    for variances in _shapes(lines, frequency):
+        root = np.sqrt(np.concatenate((variances, variances)))
+        values, vectors = np.linalg.eigh(prior / np.outer(root, root))
+        values = np.maximum(values, 0.0)
+        rotated = (vectors.T / root) @ np.column_stack((y, basis))
+        ys, js = rotated[:, 0], rotated[:, 1:]
+        ks = cross @ (vectors / root[:, None])
+        for size in (0.0, *SIZES):
+            weight = 1.0 / (1.0 + size * values)
+            gram = js.T @ (weight[:, None] * js)
+            inverse = np.linalg.inv(gram) if len(gram) else gram
+            theta = inverse @ (js.T @ (weight * ys))
+            remainder = ys - js @ theta
+            squares = float(remainder @ (weight * remainder)) + lines.freedom
+            variance = squares / freedom
+            change = np.einsum("jci,i->jc", ks, weight * remainder)
+            mean = at_query @ theta + size * change
+            unexplained = at_query - size * np.einsum("jci,ip->jcp", ks, weight[:, None] * js)
+            smooth = size / scale * np.eye(2) - size**2 * np.einsum("jci,i,jdi->jcd", ks, weight, ks)
+            of_basis = np.einsum("jcp,pq,jdq->jcd", unexplained, inverse, unexplained)
+            logarithm = 0.5 * float(np.sum(np.log(weight))) - float(np.sum(np.log(root)))
+            logarithm -= 0.5 * float(np.linalg.slogdet(gram)[1]) + 0.5 * freedom * np.log(max(squares, 1e-300))
+            # no smooth part is as probable beforehand as all sizes of it together
+            logarithms.append(logarithm + (np.log(len(SIZES)) if size == 0.0 else 0.0))
+            means.append(mean[:, 0] + 1j * mean[:, 1])
+            covariances.append(variance * (smooth + of_basis))
+    weights = np.exp(np.array(logarithms) - max(logarithms))
+    weights /= weights.sum()
+    kept = weights > NEGLIGIBLE
+    return Hypotheses(weights[kept] / weights[kept].sum(), np.array(means)[kept], np.array(covariances)[kept], freedom)
+
+
+def _stacked(columns: ComplexArray) -> FloatArray:
+    """Real parts above imaginary parts (2 n, m)."""
+    return np.concatenate((columns.real, columns.imag))
+
+
+def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Orthonormal basis (n, q) of columns (n, p), and the map (p, q) from the columns to it."""
+    lengths = np.linalg.norm(columns, axis=0)
+    lengths[lengths == 0.0] = 1.0
+    left, values, right = np.linalg.svd(columns / lengths, full_matrices=False)
+    kept = values > RANK * max(values[0], np.finfo(float).tiny) if len(values) else np.zeros(0, dtype=bool)
+    return left[:, kept], (right[kept] / lengths).T / values[kept]
+
+
+def _smooth_covariance(
+    f: FloatArray, inputs: ComplexArray, other_f: FloatArray, other_inputs: ComplexArray, column: int | None = None
+) -> FloatArray:
+    """Covariance (2 n, 2 m) of real and imaginary parts of the smooth errors, which are independent between paths.
+
+    Each part is a Matern process of order 5/2 in octaves [Rasmussen2006, eq. 4.17]; of one path with `column`.
+    """
+    distance = np.sqrt(5.0) * np.abs(np.log2(f)[:, None] - np.log2(other_f)) / OCTAVES
+    kernel = (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
+    if column is None:
+        product = inputs @ other_inputs.conj().T
+    else:
+        product = np.outer(inputs[:, column], other_inputs[:, column].conj())
+    real, imaginary = kernel * product.real, kernel * product.imag
+    return np.block([[real, -imaginary], [imaginary, real]])
+
+
+def _shapes(lines: Lines, frequency: float) -> list[FloatArray]:
+    """Variances of the rough part that are tried (n,), each with a geometric mean of one if they are not known."""
+    if lines.variances is not None:
+        return [lines.variances]
+    relative = lines.frequencies / frequency
+    shapes = []
+    for slope in SLOPES:
+        for share in RISING_SHARES:
+            shape = relative**slope + share * relative**RISING
+            shapes.append(shape / np.exp(np.mean(np.log(shape))))
+    return shapes

@@ -1,0 +1,267 @@
+"""Error of a model's gain against the best linear system: noise, nonlinear distortion and too low an order together."""
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from sysid.models.estimate import Estimate, as_estimate
+from sysid.models.predict import predict
+from sysid.models.repeated_errors import LEVEL, RepeatedErrors, repeated_errors
+from sysid.records.arguments import frequency_list
+from sysid.records.arrays import FloatArray, Locked
+from sysid.records.data import IOData, as_experiments
+from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.printing import Part, Table
+from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
+from sysid.validation.simulation_lines import (
+    lines_of_bands,
+    lines_of_mean_periods,
+    relative_lines,
+    response_changes,
+)
+
+FEWEST = 12  # lines about a frequency that tell noise and distortion from the error of the response
+BESIDE_PARAMETERS = 6  # lines beyond the number of parameters
+REACH = 8.0  # ratio of frequencies within which lines count all the same
+ANCHORS = 24  # frequencies at which the posterior is computed, at most; between them it is interpolated
+LOWEST, HIGHEST = 0.025, 0.975  # probabilities at the ends of a 95 % interval
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelError(Locked):
+    """Gain of a model, with intervals for the gain of the best linear system at the amplitude of the record.
+
+    Attributes:
+        frequencies: Hz (nf,).
+        gain: Of the model (nf, ny, nu).
+        noise_alone: Ends of the 95 % interval from the covariance of the parameters, as if errors were independent of
+            the input (nf, ny, nu) each; NaN where the covariance is not known.
+        interval: Ends of the 95 % interval with nonlinear distortion and too low an order (nf, ny, nu) each; it holds
+            that of the parameters. NaN where the input has too few lines to tell.
+        p_values: Of the hypothesis that noise explains the errors of the simulation, per output (ny,).
+        repeated: The periods of the input and what of the simulation errors repeats with them, per output; None where
+            the input does not repeat.
+        input_names: One name per input.
+        output_names: One name per output.
+    """
+
+    frequencies: FloatArray
+    gain: FloatArray
+    noise_alone: tuple[FloatArray, FloatArray]
+    interval: tuple[FloatArray, FloatArray]
+    p_values: FloatArray
+    repeated: tuple[RepeatedErrors | None, ...]
+    input_names: tuple[str, ...]
+    output_names: tuple[str, ...]
+
+    @property
+    def is_wider(self) -> np.ndarray:
+        """Whether distortion or too low an order shows, per output (ny,)."""
+        return np.asarray(self.p_values < LEVEL)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the intervals are wider than noise alone makes them, and which experiment would tell more, per output."""
+        return tuple(self._reason(i) for i in range(len(self.output_names)))
+
+    def _reason(self, output: int) -> str:
+        name, p_value = self.output_names[output], self.p_values[output]
+        if not np.isfinite(p_value) or (p_value < LEVEL and np.isnan(self.interval[0][:, output]).all()):
+            return f"{name}: the input has too few lines to tell noise, distortion and too low an order from each other"
+        if p_value >= LEVEL:
+            return f"{name}: noise explains the errors of the simulation (p = {p_value:.2g})"
+        repeated = self.repeated[output]
+        if repeated is None:
+            return (
+                f"{name}: noise does not explain the errors of the simulation (p = {p_value:.2g}): the order is too "
+                "low, or a disturbance depends on the input"
+            )
+        of_all = ""
+        if len(repeated.groups) > 1:
+            of_all = f" of {len(repeated.groups)} sequences"
+        periods = sum(group.count for group in repeated.groups)
+        text = (
+            f"{name}: {100.0 * repeated.share:.0f} % of the simulation errors' power is the same in all {periods} "
+            f"periods{of_all}: nonlinear distortion, or too low an order"
+        )
+        if len(repeated.groups) == 1:
+            text += "; a second sequence, best a random-phase multisine of the same band and strength, tells them apart"
+        return text
+
+    def _parts(self) -> list[Part]:
+        """Reasons, then a table of gains and intervals, for the printed text."""
+        parts: list[Part] = ["Gain of the best linear system, 95 % intervals", *self.reasons]
+        for i, j in np.ndindex(self.gain.shape[1:]):
+            columns = {
+                "f / Hz": self.frequencies,
+                "gain": self.gain[:, i, j],
+                "noise alone, from": self.noise_alone[0][:, i, j],
+                "to": self.noise_alone[1][:, i, j],
+                "with distortion and order, from": self.interval[0][:, i, j],
+                "to ": self.interval[1][:, i, j],
+            }
+            parts.append(f"{self.input_names[j]} to {self.output_names[i]}")
+            parts.append(Table([(name, [f"{value:.4g}" for value in values]) for name, values in columns.items()]))
+        return parts
+
+
+def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: ArrayLike) -> ModelError:
+    """Intervals for the gain of the best linear system, where a model is of too low an order or friction distorts.
+
+    The errors of the simulation are compared line by line with what noise explains: with the scatter between the
+    periods of an input that repeats, else with their scatter between neighbouring lines. Where noise explains them, the
+    interval is that of the parameters. Where it does not, the relative error of the response is estimated together with
+    the rough part of the errors, which is noise and distortion [Goodwin1992]; the interval holds the posterior of the
+    true gain with 95 %, the model's gain, and what noise alone makes.
+
+    The best linear system is the one that is nearest to the true one, in mean square, under inputs of the spectrum and
+    amplitude of this record [Pintelon2012, ch. 3]; at other amplitudes it is another one. Distortion that changes
+    smoothly from line to line, as under a slow sweep, cannot be seen in one sequence.
+
+    Args:
+        estimate: A stable model with the covariance of its parameters.
+        data: The records of its fit, as they were given to the estimator.
+        f_hz: Frequencies, Hz (nf,).
+
+    Returns:
+        Gains and both intervals, and why they differ.
+
+    Raises:
+        SysidError: A model that is not stable, channels that do not fit it, a frequency above Nyquist.
+    """
+    estimate = as_estimate(estimate)
+    f = frequency_list(f_hz)
+    nyquist = 0.5 / estimate.model.dt
+    if not len(f) or f.max() > nyquist:
+        got = f"up to {f.max():g}" if len(f) else "none"
+        raise SysidError(f"frequencies: expected some in Hz, up to Nyquist, {nyquist:g}, got {got}")
+    experiments = as_experiments(data, missing=True)
+    if not estimate.model.is_stable():
+        raise SysidError("model_error simulates the model: expected a stable one")
+    errors = simulation_errors(estimate, experiments)
+    scored = [e.scored for e in experiments]
+    ny, nu = estimate.model.ny, estimate.model.nu
+    gain = np.abs(estimate.realise(estimate.parameters).frequency_response(f))
+    noise_alone = _interval_of_parameters(as_if_errors_were_independent(estimate), f)
+    low, high = _interval_of_parameters(estimate, f)
+    p_values, repeated = np.full(ny, np.nan), []
+    for i in range(ny):
+        of_output = [error[:, i] for error in errors]
+        found = repeated_errors(scored, [error[:, None] for error in of_output])
+        repeated.append(found)
+        if found is None:
+            lines = lines_of_bands(scored, of_output, estimate, i)
+            p_values[i] = _p_value_of_bands(lines)
+        else:
+            spectra = lines_of_mean_periods(scored, of_output, found.groups)
+            lines = relative_lines(spectra, estimate, i)
+            p_values[i] = found.p_value
+        if not p_values[i] < LEVEL:
+            continue
+        with_error = _log_intervals(lines, estimate, i, f)
+        for j in range(nu):
+            below, above = gain[:, i, j] * np.exp(with_error[:, j].T)
+            # the interval holds that of the parameters, whatever the lines say of its error
+            low[:, i, j] = np.fmin(np.minimum(below, gain[:, i, j]), low[:, i, j])
+            high[:, i, j] = np.fmax(np.maximum(above, gain[:, i, j]), high[:, i, j])
+            unknown = ~np.isfinite(below)
+            low[unknown, i, j] = high[unknown, i, j] = np.nan
+    return ModelError(
+        frequencies=f,
+        gain=gain,
+        noise_alone=noise_alone,
+        interval=(low, high),
+        p_values=p_values,
+        repeated=tuple(repeated),
+        input_names=estimate.data.input_names,
+        output_names=estimate.data.output_names,
+    )
+
+
+def as_if_errors_were_independent(estimate: Estimate) -> Estimate:
+    """The estimate with the covariance that it has where errors that repeat with the input count every time."""
+    covariance = estimate.diagnostics.get("covariance_of_independent_errors")
+    return estimate if covariance is None else replace(estimate, covariance=covariance)
+
+
+def _interval_of_parameters(estimate: Estimate, f: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Ends of the 95 % interval of the gain (nf, ny, nu) each; NaN where the covariance is not known."""
+    response = estimate.frequency_response(f)
+    if response.covariance is None:
+        unknown = np.full(response.response.shape, np.nan)
+        return unknown, unknown.copy()
+    low, high = response.magnitude_ci95()
+    return low.copy(), high.copy()
+
+
+def simulation_errors(estimate: Estimate, experiments: Sequence[IOData]) -> list[FloatArray]:
+    """Measured less simulated outputs behind the initialisation windows (N_i, ny); zero where an output is missing."""
+    errors = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SysidWarning)
+        for experiment in experiments:
+            error = experiment.y - predict(estimate, experiment, steps=None)
+            errors.append(np.nan_to_num(error[experiment.window :]))
+    return errors
+
+
+def _p_value_of_bands(lines: Lines) -> float:
+    """p-value of the hypothesis that noise explains the errors of all bands but for what the parameters may change.
+
+    The sum of squares over the variances, real and imaginary part of every line, is about chi-square.
+    """
+    variances = np.ones(len(lines)) if lines.variances is None else lines.variances
+    root = np.sqrt(np.concatenate((variances, variances)) / 2.0)
+    errors = np.concatenate((lines.errors.real, lines.errors.imag)) / root
+    changes = np.concatenate((lines.sensitivities.real, lines.sensitivities.imag)) / root[:, None]
+    left, values, _ = np.linalg.svd(changes / np.maximum(np.linalg.norm(changes, axis=0), 1e-300), full_matrices=False)
+    explained = left[:, values > 1e-6 * values.max(initial=0.0)]
+    freedom = len(errors) - explained.shape[1]
+    if freedom < FEWEST:
+        return float("nan")
+    remainder = errors - explained @ (explained.T @ errors)
+    # variances of bands have few degrees of freedom: a ratio of sums of squares
+    return float(scipy.stats.f.sf(float(remainder @ remainder) / freedom, freedom, lines.freedom))
+
+
+def _log_intervals(lines: Lines, estimate: Estimate, output: int, f: FloatArray) -> FloatArray:
+    """Ends of the interval of the logarithm of true gain over the model's (nf, nu, 2); NaN where lines are too few."""
+    nu = estimate.model.nu
+    needed = max(FEWEST, lines.sensitivities.shape[1] + BESIDE_PARAMETERS)
+    if len(lines) < needed:
+        return np.full((len(f), nu, 2), np.nan)
+    anchors = _anchors(f, lines.frequencies)
+    g = estimate.realise(estimate.parameters).frequency_response(anchors)[:, output]
+    changes = response_changes(estimate, anchors, output) / g[:, :, None]
+    ends = np.empty((len(anchors), nu, 2))
+    for k, frequency in enumerate(anchors):
+        hypotheses = _posterior_at(lines, float(frequency), needed, changes[k])
+        for j in range(nu):
+            ends[k, j] = [hypotheses.log_gain_quantile(j, probability) for probability in (LOWEST, HIGHEST)]
+    logarithm = np.log(np.maximum(f, anchors[0]))
+    interpolated = np.empty((len(f), nu, 2))
+    for j, end in np.ndindex(nu, 2):
+        interpolated[:, j, end] = np.interp(logarithm, np.log(anchors), ends[:, j, end])
+    return interpolated
+
+
+def _posterior_at(lines: Lines, frequency: float, needed: int, changes: np.ndarray) -> Hypotheses:
+    """Posterior at a frequency from the lines about it."""
+    distance = np.abs(np.log(lines.frequencies / frequency))
+    chosen = distance <= np.log(REACH)
+    chosen[np.argsort(distance, kind="stable")[:needed]] = True
+    return posterior(lines.chosen(np.flatnonzero(chosen)), frequency, changes)
+
+
+def _anchors(f: FloatArray, of_lines: FloatArray) -> FloatArray:
+    """Frequencies at which the posterior is computed, rising: those asked for where they are few."""
+    # the error at 0 Hz is that far below the lowest line, where lines tell nothing any more
+    slowest = of_lines.min() / REACH
+    asked = np.unique(np.maximum(f, slowest))
+    if len(asked) <= ANCHORS:
+        return asked
+    return np.geomspace(asked[0], asked[-1], ANCHORS)

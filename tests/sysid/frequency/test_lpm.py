@@ -1,0 +1,134 @@
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import sysid
+from sysid import IOData, lpm
+from tests.refusals import refused
+
+DT = 0.02
+B, A = [0.0, 0.1, 0.05], [1.0, -1.4, 0.55]
+HZ = np.array([0.3, 1.0, 3.0, 8.0])
+
+
+def response(f, b=B, a=A):
+    z = np.exp(2j * np.pi * f * DT)
+    return np.polyval(b[::-1], 1 / z) / np.polyval(a[::-1], 1 / z)
+
+
+def resonance(frequency, radius):
+    angle = 2.0 * np.pi * frequency * DT
+    return [0.0, 1e-3, 1e-3], [1.0, -2.0 * radius * np.cos(angle), radius**2]
+
+
+def record(seed, samples=1000, noise=0.1, b=B, a=A):
+    """A record that begins in motion."""
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal(samples + 300)
+    y = lfilter(b, a, u) + lfilter([1.0], [1.0, -0.7], noise * rng.standard_normal(len(u)))
+    return IOData(u[300:], y[300:], DT)
+
+
+def test_polynomials_are_free_of_leakage_where_etfe_is_not():
+    data = record(0, 3000, noise=0.0)
+    smooth = np.abs(lpm(data, HZ).response[:, 0, 0] / response(HZ) - 1.0)
+    raw = sysid.etfe(data)
+    of_lines = np.abs(raw.response[:, 0, 0] / response(raw.frequencies) - 1.0)
+    assert smooth.max() < 1e-4
+    assert np.median(of_lines[raw.frequencies < 10.0]) > 1e-3
+
+
+def test_rational_form_sees_an_undamped_resonance():
+    b, a = resonance(2.0, 1.0)
+    data = record(1, 4000, noise=0.0, b=b, a=a)
+    f = np.array([0.5, 1.9, 1.99, 2.01, 2.5, 10.0])
+    rational = np.abs(lpm(data, f, denominator=2).response[:, 0, 0] / response(f, b, a) - 1.0)
+    polynomial = np.abs(lpm(data, f).response[:, 0, 0] / response(f, b, a) - 1.0)
+    assert rational.max() < 1e-4
+    # half a line off the resonance a polynomial is no model
+    assert polynomial.max() > 0.3
+    raw = sysid.etfe(data)
+    assert np.abs(raw.response[:, 0, 0] / response(raw.frequencies, b, a) - 1.0).max() > 10.0
+
+
+@pytest.mark.parametrize("options", [{}, {"degree": 3}, {"half_width": 10}, {"denominator": 1, "half_width": 8}])
+def test_intervals_hold_the_truth(options):
+    held, squares = [], []
+    for seed in range(150):
+        estimate = lpm(record(seed), HZ, **options)
+        low, high = (end[:, 0, 0] for end in estimate.magnitude_ci95())
+        held.append((low <= np.abs(response(HZ))) & (np.abs(response(HZ)) <= high))
+        deviation = np.sqrt(np.trace(estimate.covariance[:, 0, 0], axis1=1, axis2=2))
+        squares.append((np.abs(estimate.response[:, 0, 0] - response(HZ)) / deviation) ** 2)
+    assert 0.92 < np.mean(held) < 0.98
+    # the variance of a few lines scatters: Student's distribution has wider tails
+    assert 0.9 < np.median(squares) / 0.69 < 1.4
+
+
+def test_noise_spectrum_is_that_of_the_disturbance():
+    f = np.linspace(1.0, 20.0, 40)
+    estimates = [lpm(record(seed, 2000), f).noise_spectrum[:, 0, 0].real for seed in range(20)]
+    truth = 0.01 * DT * np.abs(response(f, [1.0], [1.0, -0.7])) ** 2
+    np.testing.assert_allclose(np.mean(estimates, axis=0) / truth, 1.0, atol=0.35)
+    assert np.mean(estimates / truth) == pytest.approx(1.0, abs=0.05)
+
+
+def test_experiments_share_the_response_and_have_transients_of_their_own():
+    parts = [record(2, 500), record(3, 900), record(4, 700)]
+    together, alone = lpm(parts, HZ, half_width=8), lpm(parts[0], HZ, half_width=8)
+    deviations = [estimate.magnitude_deviation()[:, 0, 0] for estimate in (together, alone)]
+    assert (deviations[0] < 0.9 * deviations[1]).all()
+    exact = lpm([record(2, 500, 0.0), record(3, 900, 0.0)], HZ)
+    np.testing.assert_allclose(exact.response[:, 0, 0], response(HZ), rtol=1e-4)
+
+
+def test_several_inputs_and_outputs():
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal((3000, 2))
+    first = lfilter(B, A, u[:, 0]) + lfilter([0.0, 0.2], [1.0, -0.8], u[:, 1])
+    y = np.column_stack((first, lfilter([0.0, 0.2], [1.0, -0.8], u[:, 0])))[500:]
+    estimate = lpm(IOData(u[500:], y, DT), HZ)
+    truth = np.zeros((4, 2, 2), dtype=complex)
+    truth[:, 0, 0] = response(HZ)
+    truth[:, 0, 1] = truth[:, 1, 0] = response(HZ, [0.0, 0.2], [1.0, -0.8])
+    np.testing.assert_allclose(estimate.response, truth, atol=1e-4)
+
+
+def test_period_averages_and_counts_distortion_as_noise():
+    rng = np.random.default_rng(6)
+    u = np.tile(rng.standard_normal(400), 9)
+    y = lfilter(B, A, u + 0.1 * u**3) + 0.01 * rng.standard_normal(len(u))
+    data = IOData(u, y, DT, window=400)
+    estimate = lpm(data, HZ, period=400)
+    # the cube of white normal noise is three times its variance, linearly
+    low, high = (end[:, 0, 0] for end in estimate.magnitude_ci95())
+    truth = 1.3 * np.abs(response(HZ))
+    assert ((low <= truth) & (truth <= high)).all()
+    # far more than the noise of eight periods makes
+    assert (estimate.magnitude_deviation()[:, 0, 0] / truth > 0.02).all()
+
+
+def test_frequencies_of_long_and_short_records():
+    assert len(lpm(record(7, 400)).frequencies) == 199
+    assert len(lpm(record(7, 5000)).frequencies) <= 400
+
+
+def test_response_is_unknown_where_the_input_has_no_power():
+    t = np.arange(2000) * DT
+    u = np.sin(2.0 * np.pi * 5.0 * t)
+    data = IOData(np.column_stack((u, u)), lfilter(B, A, u), DT)
+    with pytest.warns(sysid.SysidWarning, match="do not determine the response"):
+        estimate = lpm(data, [5.0])
+    assert np.isnan(estimate.response).all()
+    assert np.isnan(estimate.covariance).all()
+
+
+def test_refusals():
+    data = record(8, 200)
+    refused("half_width = 2 gives 5 equations for 6 unknowns", lpm, data, half_width=2)
+    refused("takes 201 lines, the shortest experiment has 99", lpm, data, half_width=100)
+    refused("degree must be", lpm, data, degree=-1)
+    refused("denominator must be", lpm, data, denominator=1.5)
+    refused("fewer than a period of 300", lpm, data, period=300)
+    refused("Nyquist", lpm, data, [30.0])
+    refused("constant", lpm, IOData(np.ones(100), np.ones(100), DT))

@@ -1,0 +1,143 @@
+"""Intervals for the gain of the best linear system, of models of too low an order and of nonlinear systems."""
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import sysid
+from sysid import IOData, model_error
+from tests.refusals import refused
+from tests.sysid.models.test_repeated_errors import F, best_linear_gain, record
+
+DT = 0.02
+TRUE_B, TRUE_A = [0.0, 0.1, 0.05], [1.0, -1.4, 0.55]
+HZ = np.array([0.5, 1.0, 2.0, 5.0])
+
+
+def gain(b, a, f):
+    z = np.exp(2j * np.pi * f * DT)
+    return np.abs(np.polyval(b[::-1], 1 / z) / np.polyval(a[::-1], 1 / z))
+
+
+def linear_record(seed, samples=3000, noise=0.1, colour=0.0):
+    rng = np.random.default_rng(seed)
+    u = rng.standard_normal(samples)
+    v = lfilter([1.0], [1.0, -colour], noise * rng.standard_normal(samples))
+    return IOData(u, lfilter(TRUE_B, TRUE_A, u) + v, DT)
+
+
+def holds(interval, truth):
+    low, high = (end[:, 0, 0] for end in interval)
+    return (low <= truth) & (truth <= high)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.9])
+def test_where_noise_explains_the_errors_the_interval_is_that_of_the_parameters(colour):
+    p_values = []
+    for seed in range(60):
+        data = linear_record(seed, 1500, colour=colour)
+        estimate = sysid.oe(data, 2, 2, 1, coloured=True)
+        error = model_error(estimate, data, HZ)
+        p_values.append(error.p_values[0])
+        if not error.is_wider[0]:
+            for end, of_noise in zip(error.interval, error.noise_alone, strict=True):
+                np.testing.assert_array_equal(end, of_noise)
+    assert np.mean(np.array(p_values) < 0.05) < 0.15
+    assert np.mean(np.array(p_values) < 0.01) < 0.06
+    assert np.mean(p_values) == pytest.approx(0.5, abs=0.12)
+
+
+@pytest.mark.parametrize("estimator", ["oe", "arx", "armax", "okid", "n4sid"])
+def test_too_low_an_order_shows_and_the_interval_holds_the_true_gain(estimator):
+    fits = {
+        "oe": lambda data: sysid.oe(data, 1, 1, 1),
+        "arx": lambda data: sysid.arx(data, 1, 1, 1),
+        "armax": lambda data: sysid.armax(data, 1, 1, 1, 1),
+        "okid": lambda data: sysid.okid(data, 1, p=1),
+        "n4sid": lambda data: sysid.n4sid(data, 1),
+    }
+    held, alone = [], []
+    for seed in range(10):
+        data = linear_record(seed)
+        error = model_error(fits[estimator](data), data, HZ)
+        assert error.is_wider.all()
+        assert "the order is too low" in error.reasons[0]
+        held.append(holds(error.interval, gain(TRUE_B, TRUE_A, HZ)))
+        alone.append(holds(error.noise_alone, gain(TRUE_B, TRUE_A, HZ)))
+    assert np.mean(held) >= 0.9
+    assert np.mean(alone) < 0.6
+
+
+def test_distortion_that_repeats_with_the_input_shows_and_the_interval_holds_the_best_linear_gain():
+    truth = best_linear_gain(F)
+    held, alone = [], []
+    for seed in range(40):
+        data = record(seed)
+        error = model_error(sysid.oe(data, 2, 2, 1), data, F)
+        held.append(holds(error.interval, truth))
+        alone.append(holds(error.noise_alone, truth))
+    assert np.mean(held) > 0.88
+    assert np.mean(alone) < 0.6
+    (reason,) = error.reasons
+    assert "is the same in all 15 periods" in reason
+    assert "a second sequence, best a random-phase multisine" in reason
+    assert "with distortion and order" in str(error)
+
+
+def test_of_two_sequences_no_second_one_is_asked_for():
+    data = [record(0), record(1)]
+    error = model_error(sysid.oe(data, 2, 2, 1), data, F)
+    assert "of 2 sequences" in error.reasons[0]
+    assert "a second sequence" not in error.reasons[0]
+
+
+def test_two_inputs_and_two_outputs():
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal((4000, 2))
+    other = [0.0, 0.2], [1.0, -0.8]
+    first = lfilter(TRUE_B, TRUE_A, u[:, 0]) + lfilter(*other, u[:, 1])
+    second = lfilter(*other, u[:, 0])
+    data = IOData(u, np.column_stack((first, second)) + 0.05 * rng.standard_normal((4000, 2)), DT)
+    # one pole for all paths of the first output is too few
+    error = model_error(sysid.n4sid(data, 1), data, HZ)
+    assert error.gain.shape == (4, 2, 2)
+    low, high = error.interval
+    truth = np.empty((4, 2, 2))
+    truth[:, 0, 0], truth[:, 0, 1] = gain(TRUE_B, TRUE_A, HZ), gain(*other, HZ)
+    truth[:, 1, 0], truth[:, 1, 1] = gain(*other, HZ), 0.0
+    inside = (low <= truth) & (truth <= high)
+    assert inside[:, 0].all()
+    assert inside[:, 1, 0].all()
+    assert error.is_wider[0]
+
+
+def test_windows_missing_outputs_and_operating_points():
+    data = linear_record(3)
+    y = data.y + 7.0
+    y[500:520] = np.nan
+    gapped = IOData(data.u + 3.0, y, DT, missing=True, window=50)
+    estimate = sysid.oe(gapped, 1, 1, 1, offset=True)
+    error = model_error(estimate, gapped, HZ)
+    assert holds(error.interval, gain(TRUE_B, TRUE_A, HZ)).all()
+
+
+def test_sines_tell_no_distortion_from_order():
+    t = np.arange(3000) * DT
+    u = np.sin(2.0 * np.pi * t) + np.sin(4.0 * np.pi * t)
+    y = lfilter(TRUE_B, TRUE_A, u + 0.3 * u**3)[1000:] + 1e-3 * np.random.default_rng(0).standard_normal(2000)
+    data = IOData(u[1000:], y, DT)
+    error = model_error(sysid.oe(data, 2, 2, 1), data, [1.0, 2.0])
+    assert error.is_wider[0]
+    assert np.isnan(error.interval[0]).all()
+    assert "too few lines to tell" in error.reasons[0]
+
+
+def test_refusals():
+    data = linear_record(0)
+    estimate = sysid.oe(data, 2, 2, 1)
+    refused("expected an Estimate", model_error, estimate.model, data, [1.0])
+    refused("Nyquist", model_error, estimate, data, [30.0])
+    refused("frequencies", model_error, estimate, data, [])
+    unstable = sysid.arx(IOData(data.u, np.cumsum(np.cumsum(data.y)) * np.geomspace(1, 1e3, 3000), DT), 2, 1, 1)
+    if not unstable.model.is_stable():
+        refused("stable", model_error, unstable, data, [1.0])
