@@ -34,7 +34,9 @@ from sysid.records.errors import Message, reworded
 from sysid.records.resolution import resolution
 from sysid.validation.command_baseline import CommandBaseline, command_baseline
 from sysid.validation.input_independence import LIMIT, input_independence
+from sysid.validation.model_error import ModelError, model_error
 from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
+from sysid.validation.simulation_lines import lowest_strong_line
 from sysid.validation.slow_response import SlowResponse, slow_response
 from sysid.validation.structure_scan import Order
 
@@ -153,6 +155,8 @@ class Identification:
         agreement: Whether the runs that the model is of have one response; None of one run.
         test_of_all: Residual test of a model that was estimated again, on all samples, where `test` fails.
         slow: What the simulation errors tell of slow parts of the response, path by path, on the records of the fit.
+        error: Gains with intervals for the best linear system, on the records of the fit; None of models without a
+            gain that could be compared.
     """
 
     fitted: FittedModel
@@ -172,6 +176,7 @@ class Identification:
     agreement: RunAgreement | None = None
     slow: tuple[SlowResponse, ...] = ()
     test_of_all: ResidualTest | None = None
+    error: ModelError | None = None
 
     @property
     def is_estimated_again(self) -> bool:
@@ -256,11 +261,26 @@ class Identification:
             "bic": model.bic,
             "residuals": residuals,
             "nonlinearity": self._nonlinearity_record(),
+            "model_error": self._error_record(),
             "baseline": self.baseline and {"fit": self.baseline.fit, "delays": self.baseline.delays},
             "agreement": None if self.agreement is None else self.agreement.record(),
             "operating_point": point and dict(zip(("input", "output"), point, strict=True)),
             "samples": sum(map(len, fitted.parts)),
             "dt": first.dt,
+        }
+
+    def _error_record(self) -> dict[str, object] | None:
+        """Gains with both intervals, frequency by frequency (nf, ny, nu), for `--json`."""
+        error = self.error
+        if error is None:
+            return None
+        return {
+            "hz": error.frequencies,
+            "gain": error.gain,
+            "noise_alone": list(error.noise_alone),
+            "with_distortion_and_order": list(error.interval),
+            "p_values": error.p_values,
+            "reasons": list(error.reasons),
         }
 
 
@@ -531,7 +551,24 @@ def identify(
         agreement=agreement,
         slow=slow_response(fitted.estimate, fitted.parts),
         test_of_all=test_of_all,
+        error=_gains_with_error(fitted),
     )
+
+
+def _gains_with_error(fitted: FittedModel) -> ModelError | None:
+    """Gains with intervals for the best linear system, at the lowest strong line and at the bandwidths of a model.
+
+    None of unstable models and integrators, and of impulse responses, whose coefficients are as free as any error.
+    """
+    if fitted.is_unstable or fitted.integrates.any() or fitted.estimate.method == "impulseest":
+        return None
+    frequencies = [lowest_strong_line([part.scored for part in fitted.parts])]
+    for claims in fitted.claims:
+        frequencies += [claim.hz for claim in claims if np.isfinite(claim.hz)]
+    with suppress(SysidError), warnings.catch_warnings():
+        warnings.simplefilter("ignore", sysid.SysidWarning)
+        return model_error(fitted.estimate, fitted.parts, np.unique(frequencies))
+    return None
 
 
 def _of_all_samples(judged: FittedModel, whole: Sequence[IOData], fit: Callable[..., FittedModel]) -> FittedModel:

@@ -28,13 +28,14 @@ from sysid.polynomial.data_checks import POORLY_EXCITED
 from sysid.polynomial.offset_test import MISSING_OFFSET
 from sysid.polynomial.outliers import FAR_OUTLIERS
 from sysid.polynomial.response_features import response_features
-from sysid.records.arrays import ComplexArray
+from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.errors import Message, reworded
 from sysid.records.excited_band import excited_band
 from sysid.records.printing import AT_ZERO, poles_table
 from sysid.selection.structure_search import ORDERS
 from sysid.validation.command_baseline import CommandBaseline
 from sysid.validation.joint_nonlinearity import SATURATION
+from sysid.validation.model_error import ModelError
 from sysid.validation.own_line import has_line
 from sysid.validation.slow_response import LEVEL, SlowResponse
 
@@ -452,6 +453,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         *_fit_rows(result, first.output_names or ()),
         *_baseline_rows(result.baseline),
         *_bandwidth_rows(fitted),
+        *_error_rows(result.error),
         *_response_rows(fitted),
         *_noise_rows(fitted.estimate, unit),
         *_residual_rows(result),
@@ -528,6 +530,31 @@ def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
             rows.append((f"bandwidth (-3 dB){path}", _bandwidth_in_words(claim)))
             rows.append((f"gain at 0 Hz{path}", _gain_in_words(gain[i, j])))
     return rows
+
+
+def _error_rows(error: ModelError | None) -> list[tuple[str, str]]:
+    """Gains with both intervals where noise does not explain the errors of the simulation, and why."""
+    if error is None:
+        return []
+    rows = []
+    for i, output in enumerate(error.output_names):
+        if not error.is_wider[i]:
+            continue
+        for j, k in np.ndindex(len(error.input_names), len(error.frequencies)):
+            path = f", {error.input_names[j]} → {output}" if error.gain[0].size > 1 else ""
+            by_noise = _interval_in_words(error.noise_alone, k, i, j)
+            in_all = _interval_in_words(error.interval, k, i, j)
+            name = f"gain at {error.frequencies[k]:.3g} Hz{path}"
+            intervals = f"95 %: {by_noise} by noise alone, {in_all} with distortion and order"
+            rows.append((name, f"{_gain_in_words(error.gain[k, i, j])} ({intervals})"))
+        rows.append(("errors of the simulation", error.reasons[i]))
+    return rows
+
+
+def _interval_in_words(interval: tuple[FloatArray, FloatArray], k: int, output: int, input: int) -> str:
+    """Ends of the interval of a gain."""
+    low, high = (float(end[k, output, input]) for end in interval)
+    return f"{low:.3g} to {high:.3g}" if isfinite(low) else "unknown"
 
 
 def _gain_in_words(gain: float) -> str:

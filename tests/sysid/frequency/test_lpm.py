@@ -79,7 +79,7 @@ def test_experiments_share_the_response_and_have_transients_of_their_own():
     deviations = [estimate.magnitude_deviation()[:, 0, 0] for estimate in (together, alone)]
     assert (deviations[0] < 0.9 * deviations[1]).all()
     exact = lpm([record(2, 500, 0.0), record(3, 900, 0.0)], HZ)
-    np.testing.assert_allclose(exact.response[:, 0, 0], response(HZ), rtol=1e-4)
+    np.testing.assert_allclose(exact.response[:, 0, 0], response(HZ), rtol=5e-4)
 
 
 def test_several_inputs_and_outputs():

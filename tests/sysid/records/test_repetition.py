@@ -35,7 +35,9 @@ def test_period_is_found_through_hold_quantisation_offset_and_noise(seed):
 
 def test_period_of_several_inputs_is_the_common_one():
     rng = np.random.default_rng(1)
-    u = np.column_stack((np.tile(rng.standard_normal(40), 30), np.tile(rng.standard_normal(60), 20), np.full(1200, 3.0)))
+    u = np.column_stack(
+        (np.tile(rng.standard_normal(40), 30), np.tile(rng.standard_normal(60), 20), np.full(1200, 3.0))
+    )
     assert found(u) == [(120, 10)]
 
 
