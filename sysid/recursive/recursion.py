@@ -74,10 +74,9 @@ def recurse(
         trajectory[t] = recursion.theta
 
     end = recursion.state()
-    theta = end.theta
     variance = max(end.squares, 0.0) / max(end.weight - orders.count, 1.0)
     nonlinear = orders.nc > 0 or any(orders.nf)
-    left = _promised_decrease([data], orders, theta) if nonlinear and not resumes else np.nan
+    left = _promised_decrease([data], orders, end.theta) if nonlinear and not resumes else np.nan
     if left > OFF + orders.count and not rule.forgets:
         messages.append(
             f"after {end.steps} steps {method} is still far from the minimum: one Gauss-Newton step on the whole "
@@ -91,7 +90,7 @@ def recurse(
         [data],
         orders,
         orders.select(*order_values),
-        theta=theta,
+        theta=end.theta,
         covariance=rule.covariance(P, end.energy / max(end.steps, 1), variance, end.steps),
         variance=variance,
         diagnostics={"adaptation": rule, "shortened": end.shortened, "steps": end.steps, "left": left},

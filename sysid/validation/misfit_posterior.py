@@ -98,6 +98,25 @@ class Hypotheses:
         return float(scipy.optimize.brentq(excess, low, high, xtol=1e-6))
 
 
+@dataclass(frozen=True)
+class _Whitened:
+    """Lines in coordinates in which noise is white and the smooth part has independent entries.
+
+    Attributes:
+        values: Variance of each entry of the smooth part, for a size of one (2 n,).
+        errors: (2 n,).
+        basis: Orthonormal combinations of the sensitivities before the change of coordinates (2 n, q).
+        cross: Covariance of real and imaginary part of each path at the frequency with the entries (nu, 2, 2 n).
+        log_root: Logarithm of the determinant of the change of coordinates.
+    """
+
+    values: FloatArray
+    errors: FloatArray
+    basis: FloatArray
+    cross: FloatArray
+    log_root: float
+
+
 def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hypotheses:
     """Posterior of the relative error at a frequency.
 
@@ -106,55 +125,82 @@ def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hy
         frequency: Hz, above 0.
         sensitivities: Relative change of the response of each path per parameter direction there (nu, p).
     """
-    n, nu = lines.inputs.shape
     scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
-    y = _stacked(lines.errors[:, None])[:, 0]
     basis, to_basis = _orthonormal(_stacked(lines.sensitivities))
-    at_query = np.stack((sensitivities.real, sensitivities.imag), axis=1) @ to_basis
-    prior = _smooth_covariance(lines.frequencies, lines.inputs, lines.frequencies, lines.inputs) / scale
-    unit: ComplexArray = np.eye(nu, dtype=complex)
-    # covariance of real and imaginary part of each path at the frequency with the lines (nu, 2, 2 n)
-    cross = (
-        np.array(
-            [
-                _smooth_covariance(np.array([frequency]), unit[[j]], lines.frequencies, lines.inputs, column=j)
-                for j in range(nu)
-            ]
-        )
-        / scale
-    )
-    freedom = 2.0 * n - basis.shape[1] + lines.freedom
+    at_frequency = np.stack((sensitivities.real, sensitivities.imag), axis=1) @ to_basis
+    freedom = 2.0 * len(lines) - basis.shape[1] + lines.freedom
+    prior, cross = _prior(lines, frequency, scale)
     logarithms, means, covariances = [], [], []
     for variances in _shapes(lines, frequency):
-        root = np.sqrt(np.concatenate((variances, variances)))
-        values, vectors = np.linalg.eigh(prior / np.outer(root, root))
-        values = np.maximum(values, 0.0)
-        rotated = (vectors.T / root) @ np.column_stack((y, basis))
-        ys, js = rotated[:, 0], rotated[:, 1:]
-        ks = cross @ (vectors / root[:, None])
+        whitened = _whiten(lines, basis, variances, prior, cross)
         for size in (0.0, *SIZES):
-            weight = 1.0 / (1.0 + size * values)
-            gram = js.T @ (weight[:, None] * js)
-            inverse = np.linalg.inv(gram) if len(gram) else gram
-            theta = inverse @ (js.T @ (weight * ys))
-            remainder = ys - js @ theta
-            squares = float(remainder @ (weight * remainder)) + lines.freedom
-            variance = squares / freedom
-            change = np.einsum("jci,i->jc", ks, weight * remainder)
-            mean = at_query @ theta + size * change
-            unexplained = at_query - size * np.einsum("jci,ip->jcp", ks, weight[:, None] * js)
-            smooth = size / scale * np.eye(2) - size**2 * np.einsum("jci,i,jdi->jcd", ks, weight, ks)
-            of_basis = np.einsum("jcp,pq,jdq->jcd", unexplained, inverse, unexplained)
-            logarithm = 0.5 * float(np.sum(np.log(weight))) - float(np.sum(np.log(root)))
-            logarithm -= 0.5 * float(np.linalg.slogdet(gram)[1]) + 0.5 * freedom * np.log(max(squares, 1e-300))
-            # no smooth part is as probable beforehand as all sizes of it together
-            logarithms.append(logarithm + (np.log(len(SIZES)) if size == 0.0 else 0.0))
-            means.append(mean[:, 0] + 1j * mean[:, 1])
-            covariances.append(variance * (smooth + of_basis))
+            logarithm, mean, covariance = _at_size(whitened, size, scale, at_frequency, lines.freedom, freedom)
+            if size == 0.0:
+                # no smooth part is as probable beforehand as all sizes of it together
+                logarithm += np.log(len(SIZES))
+            logarithms.append(logarithm)
+            means.append(mean)
+            covariances.append(covariance)
     weights = np.exp(np.array(logarithms) - max(logarithms))
-    weights /= weights.sum()
-    kept = weights > NEGLIGIBLE
-    return Hypotheses(weights[kept] / weights[kept].sum(), np.array(means)[kept], np.array(covariances)[kept], freedom)
+    kept = weights > NEGLIGIBLE * weights.sum()
+    weights = weights[kept] / weights[kept].sum()
+    return Hypotheses(weights, np.array(means)[kept], np.array(covariances)[kept], freedom)
+
+
+def _prior(lines: Lines, frequency: float, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Covariance of the smooth part of the lines (2 n, 2 n), and of each path at the frequency with it (nu, 2, 2 n)."""
+    nu = lines.inputs.shape[1]
+    at_frequency, unit = np.array([frequency]), np.eye(nu, dtype=complex)
+    prior = _smooth_covariance(lines.frequencies, lines.inputs, lines.frequencies, lines.inputs)
+    cross = []
+    for j in range(nu):
+        of_path = lines.inputs[:, [j]]
+        cross.append(_smooth_covariance(at_frequency, unit[[j]][:, [j]], lines.frequencies, of_path))
+    return prior / scale, np.array(cross) / scale
+
+
+def _whiten(lines: Lines, basis: FloatArray, variances: FloatArray, prior: FloatArray, cross: FloatArray) -> _Whitened:
+    """Change coordinates for variances of the rough part (n,)."""
+    root = np.sqrt(np.concatenate((variances, variances)))
+    values, vectors = np.linalg.eigh(prior / np.outer(root, root))
+    onto = vectors.T / root
+    return _Whitened(
+        np.maximum(values, 0.0),
+        onto @ _stacked(lines.errors[:, None])[:, 0],
+        onto @ basis,
+        cross @ onto.T,
+        float(np.sum(np.log(root))),
+    )
+
+
+def _at_size(
+    whitened: _Whitened,
+    size: float,
+    scale: float,
+    at_frequency: FloatArray,
+    prior_squares: float,
+    freedom: float,
+) -> tuple[float, ComplexArray, FloatArray]:
+    """Logarithm of the marginal likelihood, mean of each path (nu,) and covariance (nu, 2, 2) for a size.
+
+    Parameters have a flat prior, the common variance that of Jeffreys: generalised least squares, then the conditional
+    mean of the smooth part [Rasmussen2006, eq. 2.41 to 2.45].
+    """
+    weight = 1.0 / (1.0 + size * whitened.values)
+    basis, cross = whitened.basis, whitened.cross
+    gram = basis.T @ (weight[:, None] * basis)
+    inverse = np.linalg.inv(gram)
+    theta = inverse @ (basis.T @ (weight * whitened.errors))
+    remainder = whitened.errors - basis @ theta
+    squares = float(remainder @ (weight * remainder)) + prior_squares
+    mean = at_frequency @ theta + size * np.einsum("jci,i->jc", cross, weight * remainder)
+    unexplained = at_frequency - size * np.einsum("jci,ip->jcp", cross, weight[:, None] * basis)
+    smooth = size / scale * np.eye(2) - size**2 * np.einsum("jci,i,jdi->jcd", cross, weight, cross)
+    of_basis = np.einsum("jcp,pq,jdq->jcd", unexplained, inverse, unexplained)
+    logarithm = 0.5 * float(np.sum(np.log(weight))) - whitened.log_root
+    logarithm -= 0.5 * float(np.linalg.slogdet(gram)[1])
+    logarithm -= 0.5 * freedom * np.log(max(squares, np.finfo(float).tiny))
+    return logarithm, mean[:, 0] + 1j * mean[:, 1], squares / freedom * (smooth + of_basis)
 
 
 def _stacked(columns: ComplexArray) -> FloatArray:
@@ -172,18 +218,15 @@ def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _smooth_covariance(
-    f: FloatArray, inputs: ComplexArray, other_f: FloatArray, other_inputs: ComplexArray, column: int | None = None
+    f: FloatArray, inputs: ComplexArray, other_f: FloatArray, other_inputs: ComplexArray
 ) -> FloatArray:
     """Covariance (2 n, 2 m) of real and imaginary parts of the smooth errors, which are independent between paths.
 
-    Each part is a Matern process of order 5/2 in octaves [Rasmussen2006, eq. 4.17]; of one path with `column`.
+    Each part is a Matern process of order 5/2 in octaves [Rasmussen2006, eq. 4.17].
     """
     distance = np.sqrt(5.0) * np.abs(np.log2(f)[:, None] - np.log2(other_f)) / OCTAVES
     kernel = (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
-    if column is None:
-        product = inputs @ other_inputs.conj().T
-    else:
-        product = np.outer(inputs[:, column], other_inputs[:, column].conj())
+    product = inputs @ other_inputs.conj().T
     real, imaginary = kernel * product.real, kernel * product.imag
     return np.block([[real, -imaginary], [imaginary, real]])
 
