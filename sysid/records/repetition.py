@@ -135,7 +135,8 @@ def _remainder(x: FloatArray, period: int) -> float:
 def _is_significant(x: FloatArray, period: int, remainder: float) -> bool:
     """Whether periods of signals (N, n) are more alike than smooth signals are by chance.
 
-    The transform of their correlation by Fisher is about normal. The number of independent values in a period is that of the lines that carry its power.
+    The transform of their correlation by Fisher is about normal. The number of independent values in a period is that
+    of the lines that carry its power.
     """
     if remainder <= EXACT:
         return True

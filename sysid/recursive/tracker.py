@@ -11,6 +11,7 @@ from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, warn_each
+from sysid.records.repetition import repetitions
 from sysid.recursive.adaptation import DirectionalForgetting
 from sysid.recursive.change_test import ChangeTest
 from sysid.recursive.servo_quantities import LAGS, LOWEST, ServoQuantities
@@ -99,7 +100,9 @@ class Tracker:
     errors that depend on the motion, which no whitening removes. So Pi is scaled, for bandwidth and delay each, by the
     scatter of the scores of ten blocks over that of white errors: batch means of the sandwich estimate [White1982].
     Intervals take Student's quantile of nine degrees of freedom. Short blocks miss what is slower than they are: a
-    stretch shorter than the calibration takes at least the scatter of the last one that was not.
+    stretch shorter than the calibration takes at least the scatter of the last one that was not. Where the input
+    repeats, friction makes the same errors in every period, which add up: a block is then a tenth of the period, with
+    all its plays in the stretch.
     """
 
     def __init__(
@@ -158,7 +161,10 @@ class Tracker:
                 "the model fitted to the calibration has no bandwidth: its gain does not fall through 0.707 of that at "
                 "0 Hz, or of `gain`"
             )
-        self._inflation = self._scatter_of_long = self._score_scatter(fit, gradients)
+        self._period = 0
+        self._period = self._period_of_stretch()
+        self._inflation = self._score_scatter(fit, gradients)
+        self._scatter_of_long = self._inflation / self._plays(len(fit.errors))
         # variance of the relative bandwidth, which falls with time, against that by which it drifts in a minute
         unit_steps = gradients[0] @ fit.directions[: 2 * fit.order]
         relative_variance = self._inflation[0] * fit.variance * float(np.sum(unit_steps**2))
@@ -228,11 +234,34 @@ class Tracker:
         """Scatter over blocks of the scores of bandwidth and delay, over that of white errors (2,)."""
         along = gradients @ fit.directions[: 2 * fit.order]
         scores = fit.gradients @ (fit.directions @ along.T) * fit.errors[:, None]
-        size = len(scores) // BLOCKS
-        sums = scores[: BLOCKS * size].reshape(BLOCKS, size, 2).sum(axis=1)
+        sums = self._block_sums(scores)
         # the scores are those of steps of unit variance: over the stretch, white errors give this sum of squares
         white = fit.variance * (along**2).sum(axis=1) + np.finfo(float).tiny
         return np.maximum((sums**2).sum(axis=0) / white * BLOCKS / (BLOCKS - 1), LEAST_SCATTER)
+
+    def _block_sums(self, scores: FloatArray) -> FloatArray:
+        """Sums of the scores (rows, 2) over ten blocks: parts of the stretch, or of the period of the input."""
+        rows = len(scores)
+        if not 0 < self._period < rows:
+            size = rows // BLOCKS
+            return np.asarray(scores[: BLOCKS * size].reshape(BLOCKS, size, 2).sum(axis=1))
+        block = np.arange(rows) % self._period * BLOCKS // self._period
+        return np.column_stack([np.bincount(block, column, BLOCKS) for column in scores.T])
+
+    def _plays(self, rows: int) -> float:
+        """How often a stretch plays the period of the input; 1 where it does not repeat."""
+        return max(rows / self._period, 1.0) if self._period else 1.0
+
+    def _period_of_stretch(self) -> int:
+        """Period of the input in the stretch, samples; 0 where it does not repeat.
+
+        A stretch too short to show one is taken to continue with the last that was found.
+        """
+        u = np.array(self._u[self._begin :])
+        found = repetitions([IOData(u, u, self.dt)])
+        if found:
+            return found[0].period
+        return self._period if len(u) < 2 * self._period else 0
 
     def step(self, u: float, y: float) -> TrackSample:
         """Take one more sample of input and output.
@@ -323,10 +352,12 @@ class Tracker:
         fit = preferred(fits)
         gradients = self._quantities(fit.B, fit.F)[1]
         if np.isfinite(gradients).all():
-            scatter = self._score_scatter(fit, gradients)
+            self._period = self._period_of_stretch()
+            scatter, plays = self._score_scatter(fit, gradients), self._plays(len(fit.errors))
             if len(self._u) - self._begin >= self._calibration:
-                self._scatter_of_long = scatter
-            self._inflation = np.maximum(scatter, self._scatter_of_long)
+                # of a single play: in a stretch of several their errors add up
+                self._scatter_of_long = scatter / plays
+            self._inflation = np.maximum(scatter, self._scatter_of_long * plays)
         self._begin_recursion(fits)
 
     def _newest_estimates(self, change: Change | None) -> TrackSample:

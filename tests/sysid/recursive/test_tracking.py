@@ -161,6 +161,31 @@ def test_live_is_the_same_and_a_constant_plant_raises_no_alarm():
     np.testing.assert_array_equal(live.parameters[:2], whole.parameters[1699, :2])
 
 
+def repeated_play(seed, period=300, plays=9, cubic=0.2):
+    """A random-phase multisine, again and again, through two lags with a cubic nonlinearity between them."""
+    rng = np.random.default_rng(seed)
+    lines = np.arange(1, 40)
+    waves = np.cos(2.0 * np.pi * (np.outer(np.arange(period), lines) / period + rng.random(len(lines))))
+    u = np.tile(waves.sum(axis=1) * np.sqrt(2.0 / len(lines)), plays + 1)
+    x = scipy.signal.lfilter([0.0, 0.25], [1.0, -0.75], u)
+    y = scipy.signal.lfilter([0.2], [1.0, -0.8], x + cubic * x**3) + 0.003 * rng.standard_normal(len(u))
+    # for normal x the best linear gain of x + c x^3 is 1 + 3 c times the variance of x
+    lags = 0.25 / (np.exp(2j * np.pi * lines / period) - 0.75)
+    gain = 1.0 + 3.0 * cubic * np.mean(np.abs(lags) ** 2)
+    bandwidth = half_power_hz(innovations_form(Polynomials(B=[0.0, 0.05], F=np.poly([0.75, 0.8])), dt=0.02))
+    return IOData(u[period:], y[period:], 0.02), gain, bandwidth
+
+
+def test_periods_of_one_sequence_count_once():
+    hits = []
+    for seed in range(12):
+        data, gain, bandwidth = repeated_play(seed)
+        low, high = track(data, 4, 1, gain=gain, calibration=20.0).bandwidth_ci95[-1]
+        hits.append(low <= bandwidth <= high)
+    # of independent blocks, 3 of the 12
+    assert sum(hits) >= 9
+
+
 def test_the_quantile_is_that_of_the_blocks():
     assert scipy.stats.t.ppf(0.975, BLOCKS - 1) == pytest.approx(STUDENT_95, rel=1e-10)
 
