@@ -265,21 +265,23 @@ def linearise(records: Sequence[Record], point: Point, basis: FloatArray) -> Nor
         by_dynamics = bool(basis[: point.predictor.A.size].any())
         sensitivities = Sensitivities.of(point.predictor, by_dynamics)
         sums = sensitivities.moments if by_dynamics else sensitivities.filtered_moments
-    for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
-        if slow:
-            jacobian = prediction_jacobian(point.predictor, record, x0, basis)
-            flat = np.einsum("tlc,lr->trc", jacobian, root).reshape(-1, q + len(x0))
-            full, slope = flat.T @ flat, flat.T @ (e @ root).ravel()
-        else:
-            table = sensitivities.table(x0, basis)
-            moments, products = sums(record, e)
-            weighted = np.einsum("lr,lac->rac", root, table)
-            flat = weighted.reshape(-1, table.shape[2])
-            full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
-            slope = np.einsum("lac,al->c", table, products @ weight)
-        added_information, added_gradient = without_initial_state(full, slope, x0, prior)
-        information += added_information
-        gradient += added_gradient
+    # sums of squares that overflow are refused below
+    with np.errstate(over="ignore", invalid="ignore"):
+        for record, x0, e, prior in zip(records, point.states, point.errors, point.spreads, strict=True):
+            if slow:
+                jacobian = prediction_jacobian(point.predictor, record, x0, basis)
+                flat = np.einsum("tlc,lr->trc", jacobian, root).reshape(-1, q + len(x0))
+                full, slope = flat.T @ flat, flat.T @ (e @ root).ravel()
+            else:
+                table = sensitivities.table(x0, basis)
+                moments, products = sums(record, e)
+                weighted = np.einsum("lr,lac->rac", root, table)
+                flat = weighted.reshape(-1, table.shape[2])
+                full = flat.T @ np.matmul(moments, weighted).reshape(flat.shape)
+                slope = np.einsum("lac,al->c", table, products @ weight)
+            added_information, added_gradient = without_initial_state(full, slope, x0, prior)
+            information += added_information
+            gradient += added_gradient
     if not 0.0 < np.diag(information).max(initial=0.0) < np.inf:
         # at the edge of stability rounding may hide how the errors depend on the parameters
         return Normal(np.zeros((q, q)), np.zeros(q), basis)

@@ -45,6 +45,7 @@ def test_small_random_records():
         (1962, "auto"),
         (2204, "procest"),
         (2204, "tfest"),
+        (2267, "pem_ss"),
         (2441, "pbsid"),
         (2956, "arma"),
     ],
