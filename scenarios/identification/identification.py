@@ -31,6 +31,7 @@ from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
 from sysid.records.data import complete_parts
 from sysid.records.errors import Message, reworded
+from sysid.records.excited_band import excited_band
 from sysid.records.resolution import resolution
 from sysid.validation.command_baseline import CommandBaseline, command_baseline
 from sysid.validation.input_independence import LIMIT, input_independence
@@ -60,6 +61,9 @@ LASTING = 10.0
 
 SURELY = 1e-3
 """p-value below which a residual test fails for sure."""
+
+GRID = 60
+"""Frequencies at which intervals with distortion and order are drawn."""
 
 DRAWN = 2000
 """Samples of measured and model outputs that are drawn, of longer records the first."""
@@ -786,6 +790,18 @@ def spectral_analysis(parts: Sequence[IOData]) -> FrequencyResponse | None:
     return None
 
 
+def _error_to_draw(result: Identification) -> ModelError | None:
+    """Intervals with distortion and order over the frequencies that the input excites; None where noise explains all."""
+    error, parts = result.error, result.fitted.parts
+    if error is None or not error.is_wider.any():
+        return None
+    highest = max(excited_band(part, input=j)[1] for part in parts for j in range(part.nu))
+    f = np.geomspace(error.frequencies[0], max(highest, 2.0 * error.frequencies[0]), GRID)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sysid.SysidWarning)
+        return model_error(result.fitted.estimate, parts, np.minimum(f, 0.5 / parts[0].dt))
+
+
 def figures(result: Identification) -> Mapping[str, "Figure"]:
     """Draw a model and the records behind it.
 
@@ -804,6 +820,7 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
         fit = replace(fit, simulated=fit.simulated + level)
         record, parts = record.retrend(), tuple(part.retrend() for part in parts)
     nonparametric = None if result.fitted.integrates.any() else spectral_analysis(parts)
+    responses = [model] if nonparametric is None else [nonparametric, model]
     outputs, times = plots.output_comparison(record, fit), record.time
     if len(times) > DRAWN:
         # A whole long record would be a band in which nothing is seen.
@@ -811,7 +828,7 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     drawings = {
         "record": plots.record(parts),
         "outputs": outputs,
-        "bode": plots.bode([model] if nonparametric is None else [nonparametric, model]),
+        "bode": plots.bode(responses, error=_error_to_draw(result)),
         "step": plots.step(model),
         "roots": plots.pzmap(model),
     }

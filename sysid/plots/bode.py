@@ -24,6 +24,7 @@ from sysid.plots.panels import (
 from sysid.plots.traces import Curve, Drawable, curves_of
 from sysid.records.arguments import number_pair, real_number, truth_value
 from sysid.records.arrays import FloatArray
+from sysid.validation.model_error import ModelError
 
 SIGNIFICANT = 2.0  # least magnitude of a response, in standard deviations, for its phase to be drawn
 DEEPEST = -90.0  # lowest magnitude that the axis includes, dB
@@ -35,6 +36,7 @@ def bode(
     frequencies: FloatArray | None = None,
     output: int | str | None = None,
     input: int | str | None = None,
+    error: ModelError | None = None,
     relative_to_dc: bool = False,
     mark_hz: float | None = None,
     limits_hz: tuple[float, float] | None = None,
@@ -52,6 +54,7 @@ def bode(
         frequencies: Frequencies of models and estimates, Hz; three decades up to Nyquist by default.
         output: Output by index or name; all when None.
         input: Input by index or name; all when None.
+        error: Intervals of the gain with nonlinear distortion and too low an order, drawn as lines.
         relative_to_dc: Draw a line 3 dB below unity, where a unit-gain servo has its bandwidth.
         mark_hz: A frequency to mark in both panels, Hz.
         limits_hz: Range of the frequency axis, Hz.
@@ -83,6 +86,8 @@ def bode(
             upper, lower = grid[2 * a, b], grid[2 * a + 1, b]
             for curve in drawn:
                 _draw(upper, lower, curve, reference, i, j)
+            if error is not None:
+                _draw_error(upper, error, i, j)
             if relative_to_dc:
                 _half_power(upper)
             fit_to_lines(upper, floor=DEEPEST)
@@ -135,6 +140,14 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
     centre = phase[determined[keep]]
     spread = np.where(np.isfinite(centre), spread, np.nan)
     shade(lower, f[determined], centre - spread, centre + spread, style)
+
+
+def _draw_error(upper: Axes, error: ModelError, i: int, j: int) -> None:
+    """Ends of the interval with distortion and order, where the record tells it."""
+    f = error.frequencies
+    keep = f > 0.0
+    for end, label in zip(error.interval, ("95 % with distortion and order", None), strict=True):
+        line(upper, f[keep], decibel(end[keep, i, j]), BOUND, label)
 
 
 def _of_model(response: FrequencyResponse) -> bool:
