@@ -791,7 +791,7 @@ def spectral_analysis(parts: Sequence[IOData]) -> FrequencyResponse | None:
 
 
 def _error_to_draw(result: Identification) -> ModelError | None:
-    """Intervals with distortion and order over the frequencies that the input excites; None where noise explains all."""
+    """Intervals with distortion and order at frequencies that the input excites; None where noise explains all."""
     error, parts = result.error, result.fitted.parts
     if error is None or not error.is_wider.any():
         return None

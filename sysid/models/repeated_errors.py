@@ -29,7 +29,8 @@ LEVEL = 0.01  # p-value of "the errors do not repeat" below which they count onc
 FEWEST_LINES = 4  # of a period whose power is averaged: fewer leave the covariance unknown
 LINES_OF_SPECTRUM = 8  # samples of a period for each line that may be averaged
 UPPER_95 = 0.975  # probability at the upper end of a 95 % interval
-MOST_DIRECTIONS = 400  # parameters whose effect on the errors is computed, two simulations of the record each
+LARGEST_COLUMN = 200_000  # errors up to which products of their derivatives are formed
+SINGULAR = 1e-12  # variance of a combination of outputs, relative to the largest, that is rounding
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,12 @@ def repeated_errors(experiments: Sequence[IOData], errors: Sequence[FloatArray])
         return None
     between, within = 0.0, 0.0
     freedom_between, freedom_within = 0.0, 0.0
+    largest = max(float(np.nanmax(np.abs(e), initial=0.0)) for e in errors)
+    if not 0.0 < largest < np.inf:
+        # no errors at all, or none that could be compared
+        return None
     for group in groups:
-        folded = group.folded([np.nan_to_num(e) for e in errors])
+        folded = group.folded([np.nan_to_num(e / largest) for e in errors])
         mean = folded.mean(axis=0)
         deviations = folded - mean
         values = _independent_values(deviations)
@@ -78,11 +83,8 @@ def repeated_errors(experiments: Sequence[IOData], errors: Sequence[FloatArray])
         within += float(np.sum(deviations**2)) / group.period * values
         freedom_between += values
         freedom_within += (group.count - 1) * values
-    if not freedom_within:
-        return None
     of_mean, of_noise = between / freedom_between, within / freedom_within
     if of_mean <= 0.0:
-        # no errors at all
         return None
     p_value = 0.0
     if of_noise > 0.0:
@@ -201,54 +203,91 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
         estimate: The estimate.
         experiments: The records of its fit, about its operating point, trends removed.
     """
-    if not np.isfinite(estimate.covariance).all() or not estimate.covariance.any():
+    is_known = np.isfinite(estimate.covariance).all() and np.isfinite(estimate.noise_variance).all()
+    if not is_known or not estimate.covariance.any() or not repetitions(experiments):
         return estimate
-    errors = _errors_by_experiment(estimate.model, experiments)
+    whitening = _inverse_root(estimate.noise_variance)
+    errors = _whitened_errors(estimate.model, experiments, whitening)
     repeated = repeated_errors(experiments, errors)
-    if repeated is None or repeated.p_value >= LEVEL:
+    if repeated is None or not repeated.p_value < LEVEL:
         return estimate
     directions = standard_directions(estimate.covariance)
     directions = directions[:, np.abs(directions).max(axis=0) > 0.0]
-    if directions.shape[1] > MOST_DIRECTIONS:
+    slopes = _Slopes(repeated.groups)
+    for direction in directions.T:
+        ahead = _whitened_errors(estimate.realise(estimate.parameters + STEP * direction), experiments, whitening)
+        behind = _whitened_errors(estimate.realise(estimate.parameters - STEP * direction), experiments, whitening)
+        slopes.add([(later - earlier) / (2.0 * STEP) for later, earlier in zip(ahead, behind, strict=True)])
+    middle = np.zeros((directions.shape[1],) * 2)
+    for group, slope in zip(repeated.groups, slopes.of_mean_periods(), strict=True):
+        middle += sum_over_periods(group, slope, mean_period(group, errors))
+    half = directions @ slopes.inverse_curvature()
+    added = half @ middle @ half.T
+    if not np.isfinite(added).all():
+        # a predictor that is not stable where the parameters are moved
         return estimate
-    whitening = np.linalg.cholesky(np.linalg.pinv(estimate.noise_variance, hermitian=True))
-    slopes = _slopes(estimate, experiments, directions)
-    whitened_slopes = [np.einsum("tiq,ij->tjq", slope, whitening) for slope in slopes]
-    whitened_errors = [error @ whitening for error in errors]
-    curvature = np.sum([np.einsum("tiq,tir->qr", slope, slope) for slope in whitened_slopes], axis=0)
-    # a direction that a prior or a realisation decides has less effect on the errors than its deviation says
-    values, vectors = np.linalg.eigh(curvature)
-    inverse = (vectors / np.maximum(values, 1.0)) @ vectors.T
-    middle = np.zeros_like(curvature)
-    for group in repeated.groups:
-        middle += sum_over_periods(group, mean_period(group, whitened_slopes), mean_period(group, whitened_errors))
-    half = directions @ inverse
-    covariance = estimate.covariance + half @ middle @ half.T
+    covariance = estimate.covariance + added
+    before = {"covariance_of_independent_errors": estimate.covariance}
     return replace(
         estimate,
         covariance=0.5 * (covariance + covariance.T),
-        diagnostics={
-            **estimate.diagnostics,
-            **repeated.diagnostics,
-            "covariance_of_independent_errors": estimate.covariance,
-        },
+        diagnostics={**estimate.diagnostics, **repeated.diagnostics, **before},
     )
 
 
-def _errors_by_experiment(model: StateSpace, experiments: Sequence[IOData]) -> list[FloatArray]:
-    """Prediction errors (N_i, ny) of each experiment, its initial state fitted; NaN where an output is missing."""
-    with warnings.catch_warnings():
-        # the estimator has reported an unstable predictor
+class _Slopes:
+    """Derivatives of the errors along directions of the parameters, taken in one after the other."""
+
+    def __init__(self, groups: Sequence[Repetition]) -> None:
+        self._groups = groups
+        self._columns: list[FloatArray] = []
+        self._means: list[list[FloatArray]] = [[] for _ in groups]
+
+    def add(self, slopes: Sequence[FloatArray]) -> None:
+        """Take in the derivatives of the errors of each experiment (N_i, ny) along a further direction."""
+        for of_group, group in zip(self._means, self._groups, strict=True):
+            of_group.append(mean_period(group, slopes))
+        column = np.concatenate([slope.ravel() for slope in slopes])
+        if len(column) <= LARGEST_COLUMN:
+            self._columns.append(column)
+
+    def of_mean_periods(self) -> list[FloatArray]:
+        """Derivatives in the mean period of every sequence (period, ny, q)."""
+        return [np.stack(of_group, axis=2) for of_group in self._means]
+
+    def inverse_curvature(self) -> FloatArray:
+        """Inverse of their products (q, q), the identity for a step of one deviation of a true model.
+
+        A direction that a prior or a realisation decides has less effect on the errors than its deviation says. Of long
+        records the products are not formed.
+        """
+        if not self._columns:
+            return np.eye(len(self._means[0]))
+        table = np.column_stack(self._columns)
+        curvature = table.T @ table
+        if not np.isfinite(curvature).all():
+            return np.full_like(curvature, np.nan)
+        values, vectors = np.linalg.eigh(curvature)
+        return np.asarray((vectors / np.maximum(values, 1.0)) @ vectors.T)
+
+
+def _inverse_root(covariance: FloatArray) -> FloatArray:
+    """Matrix W (n, r) for which errors e' W of this covariance (n, n) are white, of unit variance."""
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    deviations[deviations == 0.0] = 1.0
+    values, vectors = np.linalg.eigh(covariance / np.outer(deviations, deviations))
+    kept = values > SINGULAR * max(values.max(initial=0.0), np.finfo(float).tiny)
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / deviations[:, None])
+
+
+def _whitened_errors(model: StateSpace, experiments: Sequence[IOData], whitening: FloatArray) -> list[FloatArray]:
+    """Prediction errors (N_i, r) of each experiment, its initial state fitted; zero where an output is missing."""
+    errors = []
+    # the estimator has reported an unstable predictor
+    with warnings.catch_warnings(), np.errstate(over="ignore", invalid="ignore"):
         warnings.simplefilter("ignore", SysidWarning)
-        return [residuals(model, experiment) for experiment in experiments]
-
-
-def _slopes(estimate: Estimate, experiments: Sequence[IOData], directions: FloatArray) -> list[FloatArray]:
-    """Derivatives of the errors of each experiment along directions (p, q) of the parameters (N_i, ny, q)."""
-    columns: list[list[FloatArray]] = [[] for _ in experiments]
-    for direction in directions.T:
-        ahead = _errors_by_experiment(estimate.realise(estimate.parameters + STEP * direction), experiments)
-        behind = _errors_by_experiment(estimate.realise(estimate.parameters - STEP * direction), experiments)
-        for column, later, earlier in zip(columns, ahead, behind, strict=True):
-            column.append(np.nan_to_num(later - earlier) / (2.0 * STEP))
-    return [np.stack(column, axis=2) for column in columns]
+        for experiment in experiments:
+            of_record = residuals(model, experiment)
+            of_record[~np.isfinite(experiment.y)] = 0.0
+            errors.append(of_record @ whitening)
+    return errors

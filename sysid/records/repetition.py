@@ -14,6 +14,7 @@ SIGNIFICANT = 5.0  # standard deviations of the correlation between periods: one
 EXACT = 1e-9  # power that does not repeat, relative to that of the input, of a sequence without any noise
 AS_GOOD = 1.25  # power that does not repeat, over that of the best period, up to which a shorter period is preferred
 CANDIDATES = 40  # lags with the highest correlation that are tried as periods
+STILL = 1e-12  # deviation of an input, relative to its largest value, that is rounding
 SHORTEST = 2  # samples of a period
 
 
@@ -80,9 +81,12 @@ def repetitions(experiments: Sequence[IOData]) -> tuple[Repetition, ...]:
 
 def _standardised(u: FloatArray) -> FloatArray:
     """Inputs (N, nu) without means, of unit power; constant ones are left out."""
-    x = u - u.mean(axis=0)
+    peaks = np.abs(u).max(axis=0, initial=0.0)
+    # squares of very large or small values would leave the range of numbers
+    x = u / np.where(peaks > 0.0, peaks, 1.0)
+    x = x - x.mean(axis=0)
     size = np.sqrt(np.mean(x**2, axis=0))
-    moves = size > 1e-12 * np.maximum(np.abs(u).max(axis=0, initial=0.0), np.finfo(float).tiny)
+    moves = size > STILL
     return np.asarray(x[:, moves] / size[moves])
 
 

@@ -176,6 +176,10 @@ def lines_of_bands(
         middle = np.full(len(kept), np.exp(np.mean(np.log(f[rows]))))
         of_model = np.full(len(kept), np.exp(np.mean(np.log(size[rows]))))
         reduced.append((middle, onto @ inputs[rows], kept, onto @ sensitivities[rows], of_model))
+    if not reduced:
+        # a record too short for a single band
+        none = np.zeros(0)
+        return Lines(none, inputs[:0], of_output[:0], sensitivities[:0], none, 0.0)
     columns = [np.concatenate(column) for column in zip(*reduced, strict=True)]
     # the variance of a band alone, from few lines, would make its lines stand out too often
     pool = np.ones(2 * POOLED + 1)

@@ -106,6 +106,8 @@ def random_calls(rng: np.random.Generator) -> dict[str, Call]:
         "impulseest": lambda data: sysid.impulseest(data, 10, nk, kernel=kernel),
         "iv4": lambda data: sysid.iv4(data, na, nb, nk),
         "ivx": lambda data: sysid.ivx(data, na, nb, nk, [e.y for e in _experiments(data)]),
+        "lpm": lambda data: sysid.lpm(data, degree=nd, denominator=nf),
+        "model_error": lambda data: sysid.model_error(sysid.arx(data, na, nb, nk), data, [0.01, 0.1]),
         "n4sid": lambda data: sysid.n4sid(data, order, direct=direct),
         "oe": lambda data: sysid.oe(data, nb, nf, nk, **options),
         "okid": lambda data: sysid.okid(data, order, p=2 * order, direct=direct),
