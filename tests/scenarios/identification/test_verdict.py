@@ -14,6 +14,7 @@ from sysid import IOData, Polynomials
 from sysid.models import innovations_form
 from tests.benchmarks.automatic_choice import KINDS
 from tests.benchmarks.nonlinear_joints import joint, stiff_servo
+from tests.sysid.models.test_repeated_errors import record as repeating_record
 
 
 def identified(record, method=None):
@@ -320,3 +321,24 @@ def test_a_clean_lag_of_a_quarter_of_its_record_is_told(share, drift):
     assert verdict(result).startswith("sufficient")
     assert result.fitted.gain[0, 0] == pytest.approx(1.0, rel=0.1)
     assert result.fitted.claims[0][0].hz == pytest.approx(1.0 / (2.0 * np.pi * 40.0 * share), rel=0.1)
+
+
+def test_gains_have_both_intervals_where_errors_repeat_with_the_command():
+    data = repeating_record(0)
+    result = identify([replace(data, name="record")], "oe", (2, 2, 1))
+    rows = dict(model_rows(result))
+    lowest = next(name for name in rows if name.startswith("gain at 0.25 Hz"))
+    assert "by noise alone" in rows[lowest]
+    assert "with distortion and order" in rows[lowest]
+    assert "is the same in all 15 periods" in rows["errors of the simulation"]
+    error = result.record()["model_error"]
+    low, high = error["with_distortion_and_order"]
+    assert (low <= error["gain"]).all()
+    assert (error["gain"] <= high).all()
+    assert (high - low > error["noise_alone"][1] - error["noise_alone"][0]).all()
+
+
+def test_where_noise_explains_the_errors_no_gain_has_a_second_interval():
+    data = repeating_record(0, cubic=0.0, noise=0.02)
+    rows = dict(model_rows(identify([replace(data, name="record")], "oe", (2, 2, 1))))
+    assert not any("with distortion and order" in text for text in rows.values())

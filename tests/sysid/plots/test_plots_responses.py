@@ -249,3 +249,19 @@ def test_show_hands_the_figure_to_a_window(monkeypatch):
 def test_a_finite_impulse_response_ends_with_its_last_coefficient():
     lines = impulse([sysid.impulseest(DATA, 30), MODEL]).axes[0].get_lines()[1:]
     assert [len(line.get_xdata()) for line in lines] == [30, 52]
+
+
+def test_bode_draws_intervals_with_distortion_and_order():
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(1500)
+    data = IOData(u, sysid.simulate(MODEL, u) + 0.01 * rng.standard_normal((1500, 1)), 0.02)
+    estimate = sysid.oe(data, 1, 1, 1)
+    error = sysid.model_error(estimate, data, F)
+    figure = bode(estimate, error=error)
+    upper, _ = figure.axes
+    drawn = [line.get_ydata() for line in upper.get_lines()]
+    for end in error.interval:
+        decibels = 20 * np.log10(end[:, 0, 0])
+        assert any(len(values) == len(F) and np.allclose(values, decibels) for values in drawn)
+    assert "95 % with distortion and order" in labels(figure)
+    assert_renders(figure)
