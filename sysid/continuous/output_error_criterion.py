@@ -105,7 +105,9 @@ class OutputError:
             theta = self._with_known(self._moved_inside(theta, origin))
         if not (np.isfinite(theta).all() and self._stable(theta)):
             return None
-        tables = [self.columns(e, theta) for e in self.experiments]
+        # a response that overflows is refused below
+        with np.errstate(over="ignore", invalid="ignore"):
+            tables = [self.columns(e, theta) for e in self.experiments]
         columns = np.vstack([derivatives for derivatives, _, _ in tables])
         if not np.isfinite(columns).all():
             return None

@@ -46,6 +46,7 @@ def test_small_random_records():
         (2204, "procest"),
         (2204, "tfest"),
         (2267, "pem_ss"),
+        (2425, "tfest"),
         (2441, "pbsid"),
         (2956, "arma"),
     ],
