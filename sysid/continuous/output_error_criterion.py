@@ -22,6 +22,7 @@ from sysid.records.data import IOData
 FASTEST = 1e4  # greatest modulus of a pole, times dt: samples do not show a faster one
 LARGEST = 1e30  # gain at the sampling rate: exponentials of larger ones overflow, where an input has died out before
 TIGHT = 1e-6  # part of a sample within which a delay is at its limit
+LARGEST_DERIVATIVE = 1e140  # derivatives and errors whose products are still numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +110,7 @@ class OutputError:
         with np.errstate(over="ignore", invalid="ignore"):
             tables = [self.columns(e, theta) for e in self.experiments]
         columns = np.vstack([derivatives for derivatives, _, _ in tables])
-        if not np.isfinite(columns).all():
+        if not (np.abs(columns) < LARGEST_DERIVATIVE).all():
             return None
         self._fix_delays_at_limits(theta, columns)
         p = len(theta)
@@ -169,6 +170,8 @@ class OutputError:
         response_of = respond_held if self.held else respond
         responses = [response_of(path, experiment.u[:, j], dt, intersample) for j, path in enumerate(paths)]
         errors = (experiment.y[:, 0] - sum(response.y for response in responses))[first:]
+        if not np.isfinite(errors[known]).all():
+            return np.full((int(known.sum()), len(theta) + 1), np.nan), 0, np.nan
         denominators = [path.a for path in paths] if self.free else []
         if self.offset:
             denominators.append(CONSTANT)

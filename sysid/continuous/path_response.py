@@ -115,6 +115,10 @@ def respond(path: TransferFunction, u: FloatArray, dt: float, intersample: str) 
     state_matrix = np.block([[A, np.zeros((n, n))], [B * (c * scale), A]])
     input_matrix = np.vstack((B, direct * B))
     sampled = sample(state_matrix, input_matrix, dt, path.delay, intersample)
+    if not np.isfinite(sampled.phi).all():
+        # coefficients so far apart that the matrix exponential overflows
+        unknown = np.full(len(u), np.nan)
+        return PathResponse(unknown, np.outer(unknown, b), np.outer(unknown, path.a), unknown)
     drive, x0 = sampled.drive(u[:, None])
     # one 1/A after the other: the cascade is block triangular, and each recursion half as large
     phi, coupling = sampled.phi[:n, :n], sampled.phi[n:, :n]
