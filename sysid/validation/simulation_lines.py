@@ -86,6 +86,42 @@ class _OutputLines:
     sensitivities: ComplexArray
     size: FloatArray
 
+    def rows(self, rows: slice | np.ndarray) -> "_OutputLines":
+        """Some of the lines."""
+        return _OutputLines(
+            self.frequencies[rows], self.inputs[rows], self.errors[rows], self.sensitivities[rows], self.size[rows]
+        )
+
+    def relative(self, variances: FloatArray | None, freedom: float) -> Lines:
+        """Divide by the size of the model's response; the variances (n,) are those of the noise in the output."""
+        size = self.size
+        inputs, sensitivities = self.inputs / size[:, None], self.sensitivities / size[:, None]
+        relative_variances = None if variances is None else variances / size**2
+        return Lines(self.frequencies, inputs, self.errors / size, sensitivities, relative_variances, freedom)
+
+
+def _joined(parts: Sequence[_OutputLines]) -> _OutputLines:
+    """Lines one after the other."""
+    return _OutputLines(
+        np.concatenate([part.frequencies for part in parts]),
+        np.concatenate([part.inputs for part in parts]),
+        np.concatenate([part.errors for part in parts]),
+        np.concatenate([part.sensitivities for part in parts]),
+        np.concatenate([part.size for part in parts]),
+    )
+
+
+def _reduced(lines: _OutputLines) -> tuple[_OutputLines, float]:
+    """As many lines as inputs, with all that a constant error of the response explains, and the squares of the rest."""
+    q, _ = np.linalg.qr(lines.inputs)
+    onto = q.conj().T
+    kept = onto @ lines.errors
+    rest = lines.errors - q @ kept
+    middle = np.full(len(kept), np.exp(np.mean(np.log(lines.frequencies))))
+    size = np.full(len(kept), np.exp(np.mean(np.log(lines.size))))
+    band = _OutputLines(middle, onto @ lines.inputs, kept, onto @ lines.sensitivities, size)
+    return band, float(np.sum(np.abs(rest) ** 2))
+
 
 def _output_lines(spectra: Spectra, estimate: Estimate, output: int) -> _OutputLines:
     """Pass the lines of the inputs through the model."""
@@ -124,10 +160,7 @@ def _first_strong(power: FloatArray) -> int:
 
 def relative_lines(spectra: Spectra, estimate: Estimate, output: int) -> Lines:
     """Divide errors at lines by the size of the model's response to one output."""
-    lines = _output_lines(spectra, estimate, output)
-    size = lines.size
-    inputs, sensitivities = lines.inputs / size[:, None], lines.sensitivities / size[:, None]
-    return Lines(lines.frequencies, inputs, lines.errors / size, sensitivities, None, 0.0)
+    return _output_lines(spectra, estimate, output).relative(None, 0.0)
 
 
 def lines_of_bands(
@@ -155,48 +188,28 @@ def lines_of_bands(
             scipy.fft.rfft(error)[inner] / np.sqrt(n),
         )
         records.append(_output_lines(spectra, estimate, output))
-    f = np.concatenate([lines.frequencies for lines in records])
-    order = np.argsort(f, kind="stable")
-    f = f[order]
-    inputs = np.concatenate([lines.inputs for lines in records])[order]
-    of_output = np.concatenate([lines.errors for lines in records])[order]
-    sensitivities = np.concatenate([lines.sensitivities for lines in records])[order]
-    size = np.concatenate([lines.size for lines in records])[order]
-    reduced: list[tuple[FloatArray, ComplexArray, ComplexArray, ComplexArray, FloatArray]] = []
+    together = _joined(records)
+    together = together.rows(np.argsort(together.frequencies, kind="stable"))
+    reduced: list[_OutputLines] = []
     squares: list[float] = []
     spares: list[int] = []
-    for first, end in _bands(f, inputs.shape[1]):
-        rows = slice(first, end)
-        q, _ = np.linalg.qr(inputs[rows])
-        onto = q.conj().T
-        kept = onto @ of_output[rows]
-        rest = of_output[rows] - q @ kept
-        squares.append(float(np.sum(np.abs(rest) ** 2)))
-        spares.append(len(rest) - len(kept))
-        middle = np.full(len(kept), np.exp(np.mean(np.log(f[rows]))))
-        of_model = np.full(len(kept), np.exp(np.mean(np.log(size[rows]))))
-        reduced.append((middle, onto @ inputs[rows], kept, onto @ sensitivities[rows], of_model))
+    for first, end in _bands(together.frequencies, estimate.model.nu):
+        band, of_noise = _reduced(together.rows(slice(first, end)))
+        reduced.append(band)
+        squares.append(of_noise)
+        spares.append(end - first - len(band.errors))
     if not reduced:
         # a record too short for a single band
-        none = np.zeros(0)
-        return Lines(none, inputs[:0], of_output[:0], sensitivities[:0], none, 0.0)
-    columns = [np.concatenate(column) for column in zip(*reduced, strict=True)]
+        return together.rows(slice(0, 0)).relative(np.zeros(0), 0.0)
     # the variance of a band alone, from few lines, would make its lines stand out too often
     pool = np.ones(2 * POOLED + 1)
     within = slice(POOLED, POOLED + len(reduced))
     variances = np.convolve(squares, pool)[within] / np.convolve(spares, pool)[within]
-    per_line = np.repeat(variances, [len(kept) for _, _, kept, _, _ in reduced])
-    size = columns[4]
-    lines = Lines(
-        columns[0],
-        columns[1] / size[:, None],
-        columns[2] / size,
-        columns[3] / size[:, None],
-        per_line / size**2,
-        2.0 * float(sum(spares)),
-    )
-    power = np.sum(np.abs(columns[1]) ** 2, axis=1)
-    return lines.chosen(np.flatnonzero(power > AUDIBLE * power.max(initial=0.0)))
+    per_line = np.repeat(variances, [len(band.errors) for band in reduced])
+    lines = _joined(reduced)
+    power = np.sum(np.abs(lines.inputs) ** 2, axis=1)
+    strong = np.flatnonzero(power > AUDIBLE * power.max(initial=0.0))
+    return lines.relative(per_line, 2.0 * float(sum(spares))).chosen(strong)
 
 
 def _bands(f: FloatArray, nu: int) -> list[tuple[int, int]]:
