@@ -12,7 +12,7 @@ from scenarios.identification.order_choice import choose_and_identify, hold_out
 from scenarios.identification.result_tables import model_rows, verdict
 from sysid import IOData, Polynomials
 from sysid.models import innovations_form
-from tests.benchmarks.automatic_choice import KINDS
+from tests.benchmarks.misleading_records import KINDS
 from tests.benchmarks.nonlinear_joints import joint, stiff_servo
 from tests.sysid.models.test_repeated_errors import record as repeating_record
 

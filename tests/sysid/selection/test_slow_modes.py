@@ -8,7 +8,7 @@ import scipy
 from scipy.signal import lfilter
 
 from sysid import IOData, auto
-from tests.benchmarks.automatic_choice import KINDS
+from tests.benchmarks.misleading_records import KINDS
 
 SAMPLES, DT = 400, 0.02
 TIME = np.arange(SAMPLES)
