@@ -203,7 +203,8 @@ class Evidence:
         half = scipy.linalg.solve_triangular(triangle, roots.T, trans="T").T
         variance = size**2 * remainder**2 / self.rows
         by_block = eta.reshape(len(self.sizes), -1)
-        scales, decays = np.exp(by_block[:, 0]) * variance / size**2, np.exp(-np.exp(by_block[:, 1]))
+        # the variance in units of the data first: the product with a large scale would overflow
+        scales, decays = np.exp(by_block[:, 0]) * (variance / size**2), np.exp(-np.exp(by_block[:, 1]))
         hyper_parameters = np.column_stack((scales, decays))
         if self.kernel == "dc":
             hyper_parameters = np.column_stack((hyper_parameters, np.tanh(by_block[:, 2])))

@@ -48,6 +48,7 @@ def test_small_random_records():
         (2267, "pem_ss"),
         (2425, "tfest"),
         (2441, "pbsid"),
+        (2930, "arx with a prior"),
         (2956, "arma"),
     ],
 )
