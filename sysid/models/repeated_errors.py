@@ -66,8 +66,11 @@ def repeated_errors(experiments: Sequence[IOData], errors: Sequence[FloatArray])
     the errors has independent values [Satterthwaite1946].
     """
     groups = repetitions(experiments)
-    if not groups:
-        return None
+    return _errors_of_groups(groups, errors) if groups else None
+
+
+def _errors_of_groups(groups: tuple[Repetition, ...], errors: Sequence[FloatArray]) -> RepeatedErrors | None:
+    """`repeated_errors` of sequences that are known; None of errors that are all zero, or not finite."""
     between, within = 0.0, 0.0
     freedom_between, freedom_within = 0.0, 0.0
     largest = max(float(np.nanmax(np.abs(e), initial=0.0)) for e in errors)
@@ -204,11 +207,14 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
         experiments: The records of its fit, about its operating point, trends removed.
     """
     is_known = np.isfinite(estimate.covariance).all() and np.isfinite(estimate.noise_variance).all()
-    if not is_known or not estimate.covariance.any() or not repetitions(experiments):
+    if not is_known or not estimate.covariance.any():
+        return estimate
+    groups = repetitions(experiments)
+    if not groups:
         return estimate
     whitening = _inverse_root(estimate.noise_variance)
     errors = _whitened_errors(estimate.model, experiments, whitening)
-    repeated = repeated_errors(experiments, errors)
+    repeated = _errors_of_groups(groups, errors)
     if repeated is None or not repeated.p_value < LEVEL:
         return estimate
     directions = standard_directions(estimate.covariance)
