@@ -63,9 +63,10 @@ def truth(
     and leakage damp it (linear actuators only).
 
     Two options add other truths. --bla 0.01 adds the best linear approximation at that amplitude: the linear system
-    that is nearest to the arm with friction and velocity limit, and its 95 % interval (some seconds). A remark warns
-    where it has little meaning. --data LOG adds the smallest errors that a model can reach on that log of hmtb simulate
-    if it knows only commands and measurements; a line below the table says how far chance may take a model below them.
+    that is nearest to the arm with friction and velocity limit, and its 95 % interval, from as many realisations as its
+    width needs, 8 to 64 (some seconds to two minutes). A remark warns where it has little meaning. --data LOG adds the
+    smallest errors that a model can reach on that log of hmtb simulate if it knows only commands and measurements; a
+    line below the table says how far chance may take a model below them.
 
     With --maps it shows how the truth varies over workspace, payload, supply pressure, oil temperature, amplitude and
     friction. It writes a page, figures and tables into a folder: about a minute and a half of one core for the nominal
@@ -217,7 +218,7 @@ def _with_best_linear(summary: "TruthSummary", rms: float, seed: int, threads: i
     multisines = Multisines(rms=rms, realisations=best_linear.REALISATIONS, seed=seed)
     with progress("best linear approximation") as bar:
         approximations = best_linear.measured_best_linear(
-            summary.arm, summary.truth.pose, multisines, threads=threads, progress=bar
+            summary.arm, summary.truth.pose, multisines, as_needed=True, threads=threads, progress=bar
         )
     return replace(summary, best_linear=approximations)
 

@@ -128,6 +128,7 @@ def _best_linear_record(approximation: BestLinearTruth, truth: Truth) -> dict[st
         "amplitude_rad": approximation.experiment.multisines.rms,
         "bandwidth_hz": hz,
         "ci95": tuple(ci95),
+        "realisations": approximation.experiment.multisines.realisations,
         "distortion_percent": float(approximation.distortion_percent[0]),
         "velocity_limited_share": approximation.slewing,
         "cautions": cautions(approximation, truth),
