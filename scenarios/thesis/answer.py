@@ -3,7 +3,7 @@
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any
 
@@ -22,11 +22,13 @@ from scenarios.identification.one_hertz import between, joined
 from scenarios.report.chart import Chart, Panel, Series
 from scenarios.report.figure_style import MRAD, short
 from scenarios.report.page import Page
+from scenarios.thesis.answer_intervals import FIRST_SEED, SEQUENCES, HeldGains, held_gains
+from scenarios.thesis.attribution import best_linear_of
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.motion import METHODS
 from scenarios.truth.bla_of_test import BestLinearOfTest
 from scenarios.truth.published import BREAK_FREQUENCY, PublishedModel, published
-from sysid import IOData, StateSpace, SysidError, SysidWarning
+from sysid import Estimate, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing, half_power_hz
 from sysid.plots import PALETTE, Style
 
@@ -38,6 +40,9 @@ LENGTH = 60.0
 
 CLOSE = 0.1
 """Largest difference of two frequencies of gain 0.707 that agree, as a fraction; more where they are known less."""
+
+SLOPES = (0.33, 0.1)
+"""Slopes of the load-flow line, over that of the straight line, that the chart shows beside it."""
 
 FREQUENCIES = np.geomspace(0.1, 10.0, 70)
 """Frequencies of the chart, Hz: a decade on either side of the thesis' 1 Hz."""
@@ -52,6 +57,8 @@ class JointAnswer:
         small_signal: The small-signal truth.
         gains: Gain over `FREQUENCIES` of the models by method, a row for each seed that gave one (S, F).
         levels: Frequencies at which the gain of these models is 0.707, Hz; NaN where it never is.
+        held: How many of their intervals hold the best linear gain at 1 Hz.
+        flatter: Best linear truths by slope of the load-flow line, over that of the straight line that is assumed.
     """
 
     joint: str
@@ -59,6 +66,8 @@ class JointAnswer:
     small_signal: StateSpace
     gains: Mapping[str, np.ndarray]
     levels: Mapping[str, tuple[float, ...]]
+    held: HeldGains
+    flatter: Mapping[float, BestLinearOfTest] = field(default_factory=dict)
 
     @property
     def small_signal_hz(self) -> float:
@@ -107,13 +116,20 @@ class Answer:
     def record(self) -> dict[str, object]:
         """Frequencies at which the gain is 0.707, Hz, for results.json."""
         half_power_hz: dict[str, dict[str, object]] = {}
+        held = {joint_answer.joint: vars(joint_answer.held) for joint_answer in self.joints}
         for joint_answer in self.joints:
             half_power_hz[joint_answer.joint] = {
                 "best_linear": joint_answer.best_linear.half_power_hz,
                 "small_signal": joint_answer.small_signal_hz,
+                "by_load_flow_slope": {str(k): one.half_power_hz for k, one in joint_answer.flatter.items()},
                 **{method: list(levels) for method, levels in joint_answer.levels.items()},
             }
-        return {"seeds": list(self.seeds), "record_s": self.length, "half_power_hz": half_power_hz}
+        return {
+            "seeds": list(self.seeds),
+            "record_s": self.length,
+            "half_power_hz": half_power_hz,
+            "intervals_at_1_hz": held,
+        }
 
 
 def measure_answer(
@@ -132,52 +148,71 @@ def measure_answer(
     """
     # A study whose records are shortened has no longer ones here.
     length = min(LENGTH, study.duration or LENGTH)
-    records_in_all = len(study.joints) * len(seeds)
+    condition = study.campaign.condition
+    # The records of other sequences, and of the truths by slope, count as one each.
+    records_in_all = len(study.joints) * (len(seeds) + 1)
     records_done = 0
     answers = []
     for joint, result in study.joints.items():
         test = result.data[study.estimation_test].name
-        models: dict[str, list[StateSpace]] = {method: [] for method in METHODS}
+        models: dict[str, list[Estimate]] = {method: [] for method in METHODS}
+        with_records: list[tuple[Estimate, IOData]] = []
         for seed in seeds:
-            scenario = study.campaign.condition.applied(campaign_scenario(test, seed=seed, duration=length))
-            for method, model in _identified_models(_simulated_record(scenario, joint, threads), joint).items():
+            scenario = condition.applied(campaign_scenario(test, seed=seed, duration=length))
+            (record,) = _simulated_records([scenario], joint, threads)
+            for method, model in _identified_models(record, joint).items():
                 models[method].append(model)
+                with_records.append((model, record))
             records_done += 1
             if progress is not None:
                 progress(records_done, records_in_all)
-        answers.append(_joint_answer(result, models))
+        others = []
+        for seed in range(FIRST_SEED, FIRST_SEED + SEQUENCES):
+            scenario = condition.applied(campaign_scenario(test, seed=seed, duration=length))
+            others.append(replace(scenario, name=f"sequence-{seed}"))
+        held = held_gains(_simulated_records(others, joint, threads), with_records)
+        flatter = {slope: best_linear_of(condition, joint, load_flow_slope=slope) for slope in SLOPES}
+        records_done += 1
+        if progress is not None:
+            progress(records_done, records_in_all)
+        answers.append(_joint_answer(result, models, held, flatter))
     return Answer(tuple(answers), tuple(seeds), length)
 
 
-def _simulated_record(scenario: Scenario, joint: str, threads: int | None) -> IOData:
-    """Simulate a test and prepare the record of its excited joint."""
-    result = simulate([scenario], threads=threads)
+def _simulated_records(tests: Sequence[Scenario], joint: str, threads: int | None) -> list[IOData]:
+    """Simulate tests and prepare the records of their excited joint."""
+    result = simulate(tests, threads=threads)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
-    return prepared(result.logs[0], joint)
+    return [prepared(log, joint) for log in result.logs]
 
 
-def _identified_models(record: IOData, joint: str) -> dict[str, StateSpace]:
+def _identified_models(record: IOData, joint: str) -> dict[str, Estimate]:
     """Models of a joint by method from one record; a method that the record gives no model of is left out."""
-    models: dict[str, StateSpace] = {}
+    models: dict[str, Estimate] = {}
     for structure in STRUCTURES[joint]:
         # The structure of sufficient order that the study adds is none of the thesis' methods.
         if structure.method not in METHODS:
             continue
         with warnings.catch_warnings(), suppress(SysidError):
             warnings.simplefilter("ignore", SysidWarning)
-            models[structure.method] = estimate(record, structure.estimator, structure.orders).model
+            models[structure.method] = estimate(record, structure.estimator, structure.orders)
     return models
 
 
-def _joint_answer(result: JointResult, models: Mapping[str, Sequence[StateSpace]]) -> JointAnswer:
+def _joint_answer(
+    result: JointResult,
+    models: Mapping[str, Sequence[Estimate]],
+    held: HeldGains,
+    flatter: Mapping[float, BestLinearOfTest],
+) -> JointAnswer:
     """Responses of a joint from its truths and the models by method, one for each seed that gave one."""
     gains: dict[str, np.ndarray] = {}
     levels: dict[str, tuple[float, ...]] = {}
     for method, method_models in models.items():
-        gains[method] = np.array([_gain(model) for model in method_models])
-        levels[method] = tuple(half_power_hz(model) for model in method_models)
-    return JointAnswer(result.joint, result.best_linear, result.truth.model, gains, levels)
+        gains[method] = np.array([_gain(found.model) for found in method_models])
+        levels[method] = tuple(half_power_hz(found.model) for found in method_models)
+    return JointAnswer(result.joint, result.best_linear, result.truth.model, gains, levels, held, flatter)
 
 
 def _gain(model: StateSpace) -> np.ndarray:
@@ -237,7 +272,13 @@ def _truth_series(joint_answer: JointAnswer) -> list[Series]:
     )
     dashed = Style(PALETTE["truth"].colour, "--", 1.2)
     small_signal = Series("put in: without friction", FREQUENCIES, _gain(joint_answer.small_signal), dashed)
-    return [best_linear, small_signal]
+    series = [best_linear, small_signal]
+    for slope, weight in zip(joint_answer.flatter, (1.4, 0.8), strict=False):
+        response = joint_answer.flatter[slope].response
+        thin = Style(PALETTE["truth"].colour, "-.", weight)
+        label = f"best linear truth, load-flow slope {slope:g} in place of 1"
+        series.append(Series(label, response.frequencies, response.magnitude[:, 0, 0], thin))
+    return series
 
 
 def _method_series(joint_answer: JointAnswer, method: str, seed_count: int) -> list[Series]:
@@ -257,15 +298,16 @@ def _method_series(joint_answer: JointAnswer, method: str, seed_count: int) -> l
 
 
 def answer_texts(answer: Answer, motion: Mapping[str, Any]) -> tuple[str, ...]:
-    """Say in three sentences what was put in, what the methods recover and what the figures of 1996 can mean.
+    """Say in sentences what was put in, what the methods recover, what intervals hold and what 1996's figures can mean.
 
-    A fourth says what so few records can show, by exact binomial limits; `motion` is the record of `hmtb motion`.
+    The last one says what so few records can show, by exact binomial limits; `motion` is the record of `hmtb motion`.
     """
     page = Page({"short": short, "joined": joined, "between": between, "finite": np.isfinite})
     variables = {
         "answer": answer,
         **_simulated_facts(answer),
         **_recovered_facts(answer),
+        **_interval_facts(answer),
         **_printed_facts(answer, motion),
         **_certainty_facts(answer),
     }
@@ -317,6 +359,20 @@ def _recovered_facts(answer: Answer) -> dict[str, object]:
         "close": CLOSE,
         "departures": sorted(departures),
         "none_there": without_crossing,
+    }
+
+
+def _interval_facts(answer: Answer) -> dict[str, object]:
+    """Variables of the sentences on intervals: how many hold the best linear gain, and gains at other slopes."""
+    held = [joint_answer.held for joint_answer in answer.joints]
+    return {
+        "models": sum(one.models for one in held),
+        "by_noise": sum(one.by_noise for one in held),
+        "with_error": sum(one.with_error for one in held),
+        "sequences": held[0].sequences,
+        "slopes": {
+            slope: [joint_answer.flatter[slope] for joint_answer in answer.joints] for slope in answer.joints[0].flatter
+        },
     }
 
 

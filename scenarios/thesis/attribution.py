@@ -36,13 +36,15 @@ SMALL = 0.3
 
 
 @cache
-def best_linear_of(condition: Condition, joint: str) -> BestLinearOfTest:
+def best_linear_of(condition: Condition, joint: str, *, load_flow_slope: float = 1.0) -> BestLinearOfTest:
     """Best linear approximation of a joint under a multisine as strong as the command of the estimation test.
 
     It is the truth that a linear model of the test's record can find: friction and velocity limit are in it. Measured
-    once in a process, for it depends on the arm and the test, not on the seed of a record.
+    once in a process, for it depends on the arm and the test, not on the seed of a record. `load_flow_slope` is that of
+    the valves, over the straight line's.
     """
     scenario = condition.applied(campaign_scenario(single_joint_test(ESTIMATION_TEST, joint)))
+    scenario = replace(scenario, plant=replace(scenario.plant, load_flow_slope=load_flow_slope))
     # The strength of the multisine is taken from the command as a study's records have it: settled, without its mean.
     command = joint_command(scenario)[round(SETTLING * SAMPLE_RATE) :]
     record = IOData(command - command.mean(), command, SAMPLE_TIME)
