@@ -22,6 +22,7 @@ class ServoQuantities:
     def __init__(self, nk: int, dt: float, gain: float | None) -> None:
         """Keep the delay in samples, the sampling interval in s, and the gain at 0 Hz where it is known."""
         self._nk, self._dt, self._gain = nk, dt, gain
+        self.knows_gain = gain is not None
         self._grid = np.geomspace(LOWEST, 0.5, LINES)
         # powers of the shift operator on the grid: most of the time of an evaluation, were they computed anew
         self._grid_shifts = self._shifts(self._grid)
@@ -54,6 +55,19 @@ class ServoQuantities:
         phase_gradient = relative[1].imag + turn * log_f_gradient
         delay_gradient = -phase_gradient / (2.0 * np.pi * f) * self._dt - delay * log_f_gradient
         return np.array([np.log(f / self._dt), delay]), np.stack((log_f_gradient, delay_gradient))
+
+    def along(self, B: FloatArray, F: FloatArray, hz: float) -> tuple[float, float]:
+        """Changes of log gain and of phase, rad, with the logarithm of the frequency, at a frequency in Hz."""
+        h = RELATIVE_STEP
+        around = self._responses(B, F, self._shifts(hz * self._dt * np.array([1 - h, 1 + h])))
+        ratio = around[1] / around[0]
+        return float(np.log(np.abs(ratio)) / (2.0 * h)), float(np.angle(ratio) / (2.0 * h))
+
+    def relative_changes(self, B: FloatArray, F: FloatArray, hz: FloatArray) -> tuple[ComplexArray, ComplexArray]:
+        """Response (nf,) and its relative change by B and F[1:] (nf, 2n) at frequencies in Hz (nf,)."""
+        shifts = self._shifts(hz * self._dt)
+        responses = self._responses(B, F, shifts)
+        return responses, self._relative_gradients(F, shifts, responses)
 
     def _crossing(self, B: FloatArray, F: FloatArray, level: float, k: int) -> float:
         """Frequency, in cycles per sample, at which the gain crosses a level between grid lines k - 1 and k."""

@@ -11,9 +11,10 @@ from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, warn_each
-from sysid.records.repetition import repetitions
+from sysid.records.repetition import Repetition, repetitions
 from sysid.recursive.adaptation import DirectionalForgetting
 from sysid.recursive.change_test import ChangeTest
+from sysid.recursive.repeated_distortion import half_widths
 from sysid.recursive.servo_quantities import LAGS, LOWEST, ServoQuantities
 from sysid.recursive.stretch_fit import (
     StretchFit,
@@ -102,7 +103,8 @@ class Tracker:
     Intervals take Student's quantile of nine degrees of freedom. Short blocks miss what is slower than they are: a
     stretch shorter than the calibration takes at least the scatter of the last one that was not. Where the input
     repeats, friction makes the same errors in every period, which add up: a block is then a tenth of the period, with
-    all its plays in the stretch.
+    all its plays in the stretch, and the interval is at least that of the lines of the mean period, which counts too
+    low an order and distortion that the parameters take up (`half_widths`).
     """
 
     def __init__(
@@ -162,7 +164,8 @@ class Tracker:
                 "0 Hz, or of `gain`"
             )
         self._period = 0
-        self._period = self._period_of_stretch()
+        self._group: Repetition | None = None
+        self._find_period()
         self._inflation = self._score_scatter(fit, gradients)
         self._scatter_of_long = self._inflation / self._plays(len(fit.errors))
         # variance of the relative bandwidth, which falls with time, against that by which it drifts in a minute
@@ -237,7 +240,12 @@ class Tracker:
         sums = self._block_sums(scores)
         # the scores are those of steps of unit variance: over the stretch, white errors give this sum of squares
         white = fit.variance * (along**2).sum(axis=1) + np.finfo(float).tiny
-        return np.maximum((sums**2).sum(axis=0) / white * BLOCKS / (BLOCKS - 1), LEAST_SCATTER)
+        scatter = np.maximum((sums**2).sum(axis=0) / white * BLOCKS / (BLOCKS - 1), LEAST_SCATTER)
+        if self._group is None:
+            return np.asarray(scatter)
+        stretch = np.array(self._u), np.array(self._y), self._begin
+        half = half_widths(fit, stretch, self._group, self._quantities, self._nk, self.dt)
+        return np.asarray(scatter if half is None else np.maximum(scatter, (half / STUDENT_95) ** 2 / white))
 
     def _block_sums(self, scores: FloatArray) -> FloatArray:
         """Sums of the scores (rows, 2) over ten blocks: parts of the stretch, or of the period of the input."""
@@ -252,16 +260,18 @@ class Tracker:
         """How often a stretch plays the period of the input; 1 where it does not repeat."""
         return max(rows / self._period, 1.0) if self._period else 1.0
 
-    def _period_of_stretch(self) -> int:
-        """Period of the input in the stretch, samples; 0 where it does not repeat.
+    def _find_period(self) -> None:
+        """Find the period of the input in the stretch, samples, 0 where it does not repeat, and its plays.
 
         A stretch too short to show one is taken to continue with the last that was found.
         """
         u = np.array(self._u[self._begin :])
         found = repetitions([IOData(u, u, self.dt)])
+        self._group = found[0] if found else None
         if found:
-            return found[0].period
-        return self._period if len(u) < 2 * self._period else 0
+            self._period = found[0].period
+        elif len(u) >= 2 * self._period:
+            self._period = 0
 
     def step(self, u: float, y: float) -> TrackSample:
         """Take one more sample of input and output.
@@ -352,7 +362,7 @@ class Tracker:
         fit = preferred(fits)
         gradients = self._quantities(fit.B, fit.F)[1]
         if np.isfinite(gradients).all():
-            self._period = self._period_of_stretch()
+            self._find_period()
             scatter, plays = self._score_scatter(fit, gradients), self._plays(len(fit.errors))
             if len(self._u) - self._begin >= self._calibration:
                 # of a single play: in a stretch of several their errors add up

@@ -82,9 +82,19 @@ class Hypotheses:
         """Quantile of the logarithm of the true gain over the model's, of one path."""
         ratio = 1.0 + self.means[:, path]
         gain = np.maximum(np.abs(ratio), 1e-12)
-        along = np.stack((ratio.real, ratio.imag), axis=1) / gain[:, None]
+        return self._quantile(path, probability, np.log(gain), ratio / gain**2)
+
+    def phase_quantile(self, path: int, probability: float) -> float:
+        """Quantile of the true phase less the model's, of one path, rad."""
+        ratio = 1.0 + self.means[:, path]
+        gain = np.maximum(np.abs(ratio), 1e-12)
+        return self._quantile(path, probability, np.angle(ratio), 1j * ratio / gain**2)
+
+    def _quantile(self, path: int, probability: float, centre: FloatArray, gradient: ComplexArray) -> float:
+        """Quantile of a quantity with a centre (m,) and its gradient (m,) by real and imaginary part of the error."""
+        along = np.stack((gradient.real, gradient.imag), axis=1)
         variance = np.einsum("mi,mij,mj->m", along, self.covariances[:, path], along)
-        centre, deviation = np.log(gain), np.sqrt(np.maximum(variance, 1e-30)) / gain
+        deviation = np.sqrt(np.maximum(variance, 1e-30))
 
         def excess(value: float) -> float:
             below = scipy.stats.t.cdf((value - centre) / deviation, self.freedom)

@@ -101,8 +101,9 @@ def test_intervals_are_counted_and_said(answer):
     assert text.startswith("Intervals: ") and text.count(". ") == 2
     for one in answer.joints:
         assert one.held.by_noise <= one.held.with_error
-        # The flatter the line, the less friction takes.
-        assert one.best_linear.half_power_hz < one.flatter[0.33].half_power_hz < one.small_signal_hz
+    # The flatter the line, the less friction takes of the yaw, which rubs most.
+    yaw = answer.joints[0]
+    assert yaw.best_linear.half_power_hz < yaw.flatter[0.33].half_power_hz < yaw.flatter[0.1].half_power_hz
     hz = answer.joints[0].flatter[0.1].half_power_hz
     assert "with 0.1 times the slope" in text and f"{hz:.2f} Hz (shoulder yaw)" in text
 
