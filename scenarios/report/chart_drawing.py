@@ -12,6 +12,9 @@ from scenarios.report.chart import LARGEST, Panel, Series
 from scenarios.report.figure_style import WIDTH, dress, plain_marks
 from sysid.plots import BOUND
 
+STEM_END = 2.0
+"""Diameter of the end of a stem, points."""
+
 
 def draw(
     panels: Sequence[Panel],
@@ -138,6 +141,9 @@ def _draw_series(axes: Axes, series: Series) -> Any:
     # Styles of the palette have a marker too; curves are drawn without.
     marker = "" if style.line else style.marker
     look: dict[str, Any] = {"color": colour, "ls": style.line, "lw": style.width, "marker": marker, "ms": series.size}
+    if series.kind == "stem":
+        # The ends of stems have nothing between them.
+        look |= {"ls": "", "marker": "o", "ms": STEM_END}
     (line,) = axes.plot(x, y, drawstyle=steps, **look)
     return line
 

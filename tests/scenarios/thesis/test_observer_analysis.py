@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from hmtb_twin import STUDIED_JOINTS
-from scenarios.thesis.observer_analysis import ORDER, P, hankel_share, observer, observer_errors, observer_poles
+from scenarios.record_figures.observer_errors import observer_errors
+from scenarios.thesis.observer_analysis import ORDER, P, hankel_share, observer, observer_poles
 from sysid import IOData, StateSpace, simulate
 
 SYSTEM = StateSpace([[1.5, -0.7], [1.0, 0.0]], [[1.0], [0.0]], [[0.1, 0.05]], [[0.0]], None, 0.02)
