@@ -110,6 +110,7 @@ def figures(
         raise ScenarioError(f"--joint {' '.join(joint)} given, expected each joint once")
     if not data:
         raise ScenarioError("expected the path of a record; see hmtb figures --help")
+    # In the folder where the command runs, not beside the record, which may be read-only.
     folder_path = out or Path(f"{data[0].stem}-figures")
     replaced = _replaced_files(folder_path, drawn_kinds, formats)
     with output_folder(folder_path, *replaced, overwrite=overwrite) as folder:
@@ -130,6 +131,7 @@ def figures(
                 keep_mean=keep_mean,
                 progress=show,
             )
+        # An empty page would look like success.
         if not drawn.figures:
             reasons = "; ".join(dict.fromkeys(item.reason for item in drawn.left_out))
             raise ScenarioError(f"{data[0].name} gives no figure: {reasons}")
@@ -189,10 +191,12 @@ def _json_record(drawn: "RecordFigures", page: Path, files: Sequence[Path]) -> d
 
 def _print(drawn: "RecordFigures", folder: Path, page: Path, files: Sequence[Path]) -> None:
     """Print the models, the figures, and what is not drawn."""
+    from scenarios.record_figures.record_figures import kind_table
+
     print_tables(drawn.tables())
     rows = []
     for name, figure in drawn.figures.items():
-        rows.append((name, drawn.headings[name], ", ".join(figure.thesis), f"{len(figure.chart.views)}"))
+        rows.append((name, drawn.headings[name], kind_table()[name]["thesis"], f"{len(figure.chart.views)}"))
     print_table("Figures", ("kind", "", "of the thesis", "views"), rows)
     say_each("warning: ", drawn.warnings)
     say_each("not drawn: ", [f"{item.kind}: {item.reason}" for item in drawn.left_out])

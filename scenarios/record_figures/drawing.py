@@ -42,14 +42,17 @@ def views_with_reasons(
         height: Height of a panel, pixels.
     """
     views: dict[tuple[str, ...], tuple[Panel, ...]] = {}
+    # By reason: many views of one figure usually lack the same.
     lacking: dict[str, list[str]] = {}
     for combination in product(*(options.items() for options in choices.values())):
         names = tuple(name for name, _ in combination)
         try:
             views[names] = draw(*(option for _, option in combination))
+        # A record of three joints has 27 views of some figures: one that fails must not cost the others.
         except (SysidError, ScenarioError) as error:
             lacking.setdefault(str(error), []).append(", ".join(names))
     reasons = []
+    # Where no view is left the reason needs no names: it is that of the whole figure.
     for reason, views_without in lacking.items():
         reasons.append(reason if not views else f"{'; '.join(views_without)}: {reason}")
     return Drawing(Chart(views, tuple(choices), columns, height), tuple(reasons))

@@ -91,11 +91,14 @@ def model_names(words: Sequence[str], outputs: int) -> list[ModelName]:
     Raises:
         ScenarioError: A word names no model, or a method whose orders are not chosen has none.
     """
+    # Polynomials of one output leave the coupling to OKID: more models of it would tell the same.
     defaults = OF_ONE_OUTPUT if outputs == 1 else OF_SEVERAL_OUTPUTS
     names = []
+    # A name twice is one model.
     for word in dict.fromkeys(words or defaults):
         if word not in ESTIMATORS:
             names.append(parse_model_name(word))
+        # OKID has no place in the automatic choice: its order is chosen here, by BIC.
         elif word in (*CHOSEN, "okid"):
             names.append(ModelName(word, word))
         else:
@@ -117,6 +120,7 @@ def figure_models(names: Sequence[ModelName], measured: MeasuredRecord) -> tuple
     """
     models: list[FigureModel] = []
     refused: list[str] = []
+    # Styles depend on all models together: two of one kind must differ.
     placeholder = Style("#000000")
     for name in names:
         if not name.is_estimated:
@@ -128,6 +132,7 @@ def figure_models(names: Sequence[ModelName], measured: MeasuredRecord) -> tuple
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", SysidWarning)
                 models.append(_estimated(name, measured, placeholder))
+        # A record too short for one structure may be long enough for another.
         except SysidError as error:
             refused.append(f"{name.text}: {error}")
     styles = styles_of_kinds([model.kind for model in models])
@@ -142,6 +147,7 @@ def on_record(model: FigureModel, measured: MeasuredRecord) -> ModelOnRecord:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
+        # As a known model: it is judged on records that it was not estimated from in the same way as on its own.
         known = KnownModel(model.label, model.item, model.remarks)
         judged = judged_known(known, model.kind, measured.parts, keep_mean=measured.keep_mean, line=False, steps=1)
     checked = [part.subtract(y=trend) for part, trend in zip(measured.parts, judged.trends, strict=True)]
@@ -156,6 +162,7 @@ def _estimated(name: ModelName, measured: MeasuredRecord, style: Style) -> Figur
         label = f"{title} {_orders_in_words(fitted)}"
         return FigureModel(label, name.kind, fitted.estimate, style, _orders_in_words(fitted), fitted.parts)
     blocks, orders = [], []
+    # As many inputs as outputs are taken for joints, each with its own command [Morris1996, eq. 4.14].
     is_by_joint = first.nu == first.ny
     for i in range(first.ny):
         inputs = [i] if is_by_joint else None
@@ -168,6 +175,7 @@ def _estimated(name: ModelName, measured: MeasuredRecord, style: Style) -> Figur
         # Blocks of one output each share the inputs.
         shared = np.tile(np.eye(first.nu), (first.ny, 1))
         model = replace(model, B=model.B @ shared, D=model.D @ shared, input_names=None, output_names=None)
+    # The names of the record: blocks that share an input have renumbered theirs.
     model = replace(model, input_names=first.input_names, output_names=first.output_names)
     label = f"{title}, block-diagonal" if is_by_joint else f"{title}, each output alone"
     return FigureModel(label, name.kind, model, style, "; ".join(orders))
@@ -189,6 +197,7 @@ def _okid_orders(parts: Sequence[IOData]) -> tuple[int, int]:
         raise ScenarioError(f"okid: expected a number p of observer Markov parameters, given {p}")
     criteria: dict[int, float] = {}
     reason = "no order could be fitted"
+    # An observer with p Markov parameters realises at most p states for each output.
     for order in range(1, p * parts[0].ny + 1):
         try:
             criterion = sysid.okid(parts, order, p=p).bic

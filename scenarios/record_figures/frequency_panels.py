@@ -68,6 +68,7 @@ def reliable_lines(response: FrequencyResponse, output: int = 0, input: int = 0)
     covariance = response.covariance
     if covariance is None:
         raise MissingRecordError(f"the response by {response.method} has no covariance")
+    # Of real and imaginary part together: whatever the phase, the gain errs by no more.
     spread = np.sqrt(np.trace(covariance[:, output, input], axis1=1, axis2=2))
     return np.asarray(spread < RELIABLE * response.magnitude[:, output, input])
 

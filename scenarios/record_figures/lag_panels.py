@@ -89,6 +89,7 @@ def observer_markov_series(diagnostics: Mapping[str, Any], output: int = 0, inpu
 
 def hankel_panel(singular_values: ArrayLike, count: int, marks: tuple[Mark, ...] = ()) -> Panel:
     """The first Hankel singular values, relative to the largest."""
+    # Over the largest: absolute sizes depend on the scaling of the channels.
     values = np.asarray(singular_values, dtype=float)[:count]
     sizes = Series("Hankel singular value", np.arange(1, len(values) + 1), values / values[0], points("okid", "D"))
     return Panel("number", "over the largest", [sizes], "Hankel singular values", "y", marks=marks)

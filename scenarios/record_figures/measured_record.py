@@ -50,6 +50,7 @@ class Channels:
         """Channels of a record; small angles are drawn in mrad."""
         joints = joints_of(record)
         inputs, outputs = record.input_names or (), record.output_names or ()
+        # Commands and angles of a joint have its name: captions and axes say which of both is meant.
         if joints:
             inputs = outputs = tuple(map(short, joints))
         input_units, input_scales = _axis_units(record.input_units or ("",) * record.nu)
@@ -141,6 +142,7 @@ class MeasuredRecord:
     @cached_property
     def period(self) -> int:
         """Samples after which the inputs of the longest stretch repeat, at least three times; 0 where they do not."""
+        # Of the longest stretch alone: other stretches may begin at another phase of the sequence.
         for repetition in repetitions([self.longest]):
             if repetition.count >= FEWEST:
                 return repetition.period
@@ -168,9 +170,11 @@ class MeasuredRecord:
         dt = self.longest.dt
         # Half of what the window resolves, but no more values than a figure shows.
         spacing = 1.0 / (2.0 * dt * min(max(self.lag, 1), MOST_FREQUENCIES))
+        # A window shorter than the period covers several lines, so that its frequencies may lie anywhere.
         if self.period and self.lag > self.period:
             line = 1.0 / (self.period * dt)
             spacing = line / max(round(line / spacing), 1)
+        # The Nyquist frequency itself counts, whatever rounding says.
         count = int(0.5 / dt / spacing + 1e-9)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SysidWarning)
@@ -179,6 +183,7 @@ class MeasuredRecord:
     @cached_property
     def repeated(self) -> PeriodSpectra | None:
         """Spectra by repetition of a record of one input and one output; None where its input does not repeat."""
+        # Blocks of periods with several inputs hold one equation on each line, and as many unknowns as inputs.
         record = self.longest
         if not self.period or record.nu > 1 or record.ny > 1 or not record.complete:
             return None

@@ -95,6 +95,7 @@ def _bode_panels(
     judged: JudgedRecord, responses: Sequence[FrequencyResponse], channels: Channels, output: int, input: int
 ) -> tuple[Panel, ...]:
     curves: list[tuple[str, FrequencyResponse, Style]] = []
+    # Phases are unwrapped onto the turn of the first model that has the path.
     reference = None
     for model, response in zip(judged.models, responses, strict=True):
         if not np.abs(response.response[:, output, input]).any():
@@ -105,6 +106,7 @@ def _bode_panels(
             reference = _unwrapped_phase(model, output, input)
     if reference is None:
         raise SysidError("no model has this path")
+    # Limits before the spectral estimate joins: its errors would set the scale.
     gain_limits = _gain_limits([response for _, response, _ in curves], output, input)
     estimate = known_response(judged.measured, output, input)
     if estimate is not None:
@@ -125,6 +127,7 @@ def _bode_panels(
 def _response(model: ModelOnRecord, frequencies: NDArray[np.float64]) -> FrequencyResponse:
     """Response of a model, with its covariance where it was estimated from this record's channels."""
     item = model.drawn.item
+    # A model file may have its channels in another sequence, in which its covariance stays.
     if isinstance(item, Estimate) and model.drawn.kind != "file":
         return item.frequency_response(frequencies)
     return FrequencyResponse(frequencies, model.model.frequency_response(frequencies), model.model.dt, "model")
@@ -132,6 +135,7 @@ def _response(model: ModelOnRecord, frequencies: NDArray[np.float64]) -> Frequen
 
 def _unwrapped_phase(model: ModelOnRecord, output: int, input: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Frequencies, Hz, and the phase of a path of a model there, rad, without jumps."""
+    # Evenly spaced: delays turn the phase at a constant rate, which logarithmic steps would alias near Nyquist.
     dense = np.linspace(0.0, 0.5 / model.model.dt, DENSE + 1)[1:]
     return dense, np.unwrap(np.angle(model.model.frequency_response(dense)[:, output, input]))
 
@@ -204,6 +208,7 @@ def errors(judged: Judged, channels: Channels) -> Drawing:
 
 def _error_panels(observer: FigureModel, output: int) -> tuple[Panel, ...]:
     diagnostics = _diagnostics(observer)
+    # About the operating point of the estimate, which the regression of the observer had.
     longest = max(observer.parts, key=len)
     spread = float(np.nanstd(np.concatenate([part.y[:, output] for part in observer.parts])))
     normalised = 100.0 * observer_prediction_errors(longest, diagnostics)[:, output] / spread
@@ -233,6 +238,7 @@ def observer_prediction_errors(record: IOData, diagnostics: Mapping[str, object]
     from_y = np.asarray(diagnostics["observer_markov_y"])
     direct = np.asarray(diagnostics["system_markov"])[0]
     p, samples = len(from_u), len(record)
+    # The first p samples have no whole past, and are left out as in the regression.
     predicted = record.u[p:] @ direct.T
     for lag in range(1, p + 1):
         past = slice(p - lag, samples - lag)
@@ -261,6 +267,7 @@ def _hankel_panels(observer: FigureModel) -> tuple[Panel, ...]:
         ("of the squares", 2, PALETTE["okid"]),
         ("of the values", 1, PALETTE["oe"]),
     ):
+        # Of all values, as SOCIT counts them, although only the first are drawn.
         total = np.cumsum(values**power)
         shares.append(Series(label, numbers, 100.0 * total[:count] / total[-1], look))
     marks = (("x", float(order), f"order {order}"),)
@@ -274,6 +281,7 @@ def _hankel_panels(observer: FigureModel) -> tuple[Panel, ...]:
 def roots(judged: Judged, channels: Channels) -> Drawing:
     """Poles and transmission zeros of the models: all on one map, and one map each [Morris1996, fig. 64 and 65]."""
     models = next(iter(judged.values())).models
+    # From the inputs alone: poles of the noise model are none of the plant.
     systems = [(model.drawn.label, model.model.input_path(), model.drawn.style) for model in models]
     maps = {label: [(label, system, style)] for label, system, style in systems}
     if len(systems) > 1:
@@ -308,6 +316,7 @@ def _output_panels(judged: JudgedRecord, channels: Channels, output: int, *, is_
         if not np.isfinite(simulated).all() or not fit.simulation[output] > WORST:
             continue
         label = f"{model.drawn.label}: {fit.simulation[output]:.1f} %"
+        # Dashes of long curves run together.
         look = replace(model.drawn.style, width=1.0, line="-") if is_whole else model.drawn.style
         curves.append(record_series(label, scale * simulated[part], record.dt, look, start=start))
         errors = scale * (measured - simulated)[part]
@@ -335,6 +344,7 @@ def _model_options(judged: Judged) -> dict[str, str]:
 
 
 def _residual_panels(judged: JudgedRecord, model: ModelOnRecord, channels: Channels) -> tuple[Panel, ...]:
+    # About the operating point of the model on this record, not that of its estimation.
     record = model.checked[judged.measured.place]
     errors = record.y - sysid.predict(model.drawn.item, record)
     if not np.isfinite(errors[record.known]).all():
@@ -358,6 +368,7 @@ def tests(judged: Judged, channels: Channels) -> Drawing:
     def draw(of_record: JudgedRecord, label: str, output: int) -> tuple[Panel, ...]:
         done = by_model[of_record.measured.name]
         model = _labelled(of_record.models)[label]
+        # A test holds all outputs; each is a view.
         if label not in done:
             done[label] = model.residual_test(LAGS, LEVEL)
         return _test_panels(done[label], model, channels, output)

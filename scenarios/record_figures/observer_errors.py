@@ -51,6 +51,7 @@ def observer_errors(
     spread = float(np.nanstd(known))
     errors = []
     for p in numbers:
+        # One regression has 2p + 1 samples of every channel: with fewer rows it fits the noise.
         windows = _windows(records, p)
         if len(windows) < FEWEST_ROWS * windows.shape[1]:
             continue
@@ -59,6 +60,7 @@ def observer_errors(
                 warnings.simplefilter("ignore", SysidWarning)
                 # The error is that of the observer: the order of the realisation does not enter it.
                 variance = sysid.okid(data, 1, p=p).noise_variance[output, output]
+        # Too short, or the input excites too few lags: the other numbers may do.
         except SysidError:
             continue
         smoothing = _smoothing_error(windows, p, records[0].nu + output)

@@ -169,6 +169,7 @@ def record_figures(
     left_out: list[LeftOut] = []
     used: tuple[FigureModel, ...] = ()
     judged: dict[str, JudgedRecord] = {}
+    # Models come first: they take nearly all the time, and a wrong name should fail before anything is drawn.
     if names:
         tell(0, steps, "models")
         used, refused = figure_models(names, first)
@@ -215,6 +216,7 @@ def _measured(
         joints = joints or joints_of(first)
         if path.stem in records:
             raise ScenarioError(f"{path} given beside another file of that name; expected files with other names")
+        # Spectra and correlations are those of the motion about the operating point, as in the thesis.
         about = tuple(parts) if keep_mean else tuple(subtract_means(parts))
         records[path.stem] = MeasuredRecord(path.stem, path, about, keep_mean)
         expected = next(iter(records.values())).longest
@@ -223,6 +225,7 @@ def _measured(
                 f"{path.name} has the channels {_channels(first)}, {data[0].name} has {_channels(expected)}; expected "
                 "the same"
             )
+    # Records of other sampling intervals are refused, with both intervals.
     one_interval([measured.longest for measured in records.values()])
     return records
 

@@ -74,6 +74,7 @@ def _joint_panels(record: IOData, channels: Channels) -> tuple[Panel, ...]:
     panels = []
     for i, joint in enumerate(channels.outputs):
         scale = channels.output_scales[i]
+        # From where the command begins: its distance to the measured angle stays visible.
         level = record.u[0, i]
         signals = [
             ("commanded", scale * (record.u[:, i] - level), COMMAND),
@@ -120,6 +121,7 @@ def transfer(records: Records, channels: Channels) -> Drawing:
 def _transfer_panels(measured: MeasuredRecord, channels: Channels, output: int, input: int) -> tuple[Panel, ...]:
     response = measured.windowed
     gains = response.magnitude[:, output, input]
+    # Inputs that move together have no spectral matrix that could be inverted.
     if not np.isfinite(gains).any():
         raise SysidError("no frequency at which the inputs have power of their own: they are constant or move together")
     excited = replace(response.select(excited_lines(response, input)), covariance=None)
@@ -130,6 +132,7 @@ def _transfer_panels(measured: MeasuredRecord, channels: Channels, output: int, 
     ]
     if measured.repeated is not None:
         curves.append(("from repetition", measured.repeated.reliable_response(), points("oe", "^")))
+    # Gaps of the covariance do not matter here: the band of a windowed estimate would hide the estimate itself.
     # The phase of side lobes is random: it is drawn, and unwrapped, only where the response is known.
     known = np.isfinite(excited.response[:, output, input])
     frequencies = excited.frequencies[known]
@@ -193,6 +196,7 @@ def _correlation_analysis(measured: MeasuredRecord) -> CorrelationAnalysis:
     if not parts:
         raise SysidError(f"no stretch without lost samples has {SHORTEST} samples")
     lags = _largest_lag(parts, measured.period)
+    # Beyond one period the responses to this pulse and to the next cannot be told apart.
     of_one_period = measured.period - 1 if measured.period else lags
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
@@ -220,6 +224,7 @@ def _correlation_panels(
     panels = [replace(correlation_panel(functions, row, column), title=title) for row, column, title in pairs]
     pulse = analysis.pulse
     bound = pulse.bound[:, output, input]
+    # An infinite bound marks lags that the inputs do not determine.
     values = np.where(np.isfinite(bound), pulse.response[:, output, input], np.nan)
     estimate = Series("from correlations", pulse.lags, values, points("oe", "^"), values - bound, values + bound)
     return *panels, Panel(LAG, channels.pulse_axis(output, input), [estimate], "pulse response")
@@ -227,6 +232,7 @@ def _correlation_panels(
 
 def _largest_lag(parts: Sequence[IOData], period: int) -> int:
     """Largest lag of the correlations of stretches: beyond one period of an input that repeats, if not too long."""
+    # The peak after a whole period tells an input that repeats from white noise [Morris1996, sec. III.2B].
     wanted = max(MOST_LAGS, period + period // 4) if period <= 4 * MOST_LAGS else MOST_LAGS
     return min(wanted, min(map(len, parts)) // FEWEST_PER_LAG)
 
