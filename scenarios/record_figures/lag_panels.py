@@ -15,6 +15,9 @@ from sysid.plots import PALETTE, Style
 
 LAG = "lag / samples"
 
+AFTER = "samples after the pulse"
+"""Label of the axis of pulse responses: another than that of lags, as axes of one label are linked on the page."""
+
 LOG_MARGIN = 1.3
 """Factor by which a logarithmic axis extends beyond its values."""
 

@@ -82,7 +82,9 @@ class Channels:
         if not all(units):
             return ""
         # Figures show angles in mrad; gains stay in the units of the record.
-        return "/".join("rad" if unit == "mrad" and self.joints else unit for unit in units)
+        scales = (self.output_scales[output], self.input_scales[input])
+        native = ["rad" if scale == MRAD else unit for unit, scale in zip(units, scales, strict=True)]
+        return "/".join(native)
 
     def output_axis(self, output: int, quantity: str = "") -> str:
         """Label of an axis of an output, or of a quantity in its unit."""

@@ -12,6 +12,7 @@ from scenarios.record_figures.drawing import SECONDS, Drawing, no_drawing, views
 from scenarios.record_figures.figure_models import FigureModel, ModelOnRecord
 from scenarios.record_figures.frequency_panels import DEGREES, HZ, gain_series, phase_series, root_panel
 from scenarios.record_figures.lag_panels import (
+    AFTER,
     LAG,
     autocorrelation_panel,
     cross_correlation_panel,
@@ -95,28 +96,30 @@ def _bode_panels(
     judged: JudgedRecord, responses: Sequence[FrequencyResponse], channels: Channels, output: int, input: int
 ) -> tuple[Panel, ...]:
     curves: list[tuple[str, FrequencyResponse, Style]] = []
-    # Phases are unwrapped onto the turn of the first model that has the path.
-    reference = None
+    phases: list[Series] = []
+    references = []
     for model, response in zip(judged.models, responses, strict=True):
         if not np.abs(response.response[:, output, input]).any():
             # a block-diagonal model has no path between its blocks
             continue
         curves.append((model.drawn.label, response, model.drawn.style))
-        if reference is None:
-            reference = _unwrapped_phase(model, output, input)
-    if reference is None:
+        # Each model on its own turn: zeros of one move its phase by half a turn where another has none.
+        references.append(_unwrapped_phase(model, output, input))
+        phases.append(phase_series(*curves[-1], references[-1], output, input))
+    if not curves:
         raise SysidError("no model has this path")
     # Limits before the spectral estimate joins: its errors would set the scale.
     gain_limits = _gain_limits([response for _, response, _ in curves], output, input)
     estimate = known_response(judged.measured, output, input)
     if estimate is not None:
         curves.insert(0, ("spectral estimate, where known", estimate, points("spa", ".")))
+        # An estimate at some frequencies alone does not tell how many turns its phase has made.
+        phases.insert(0, phase_series(*curves[0], references[0], output, input))
     frequencies = responses[0].frequencies
     limits = (float(frequencies[0]), float(frequencies[-1]))
     low, high = _excited(judged.measured, input)
     marks = [("x", hz, name) for hz, name in ((low, "lowest excited"), (high, "highest excited")) if limits[0] < hz]
     gains = [gain_series(*curve, output, input) for curve in curves]
-    phases = [phase_series(*curve, reference, output, input) for curve in curves]
     unnamed = tuple((axis, hz, "") for axis, hz, _ in marks)
     return (
         Panel(HZ, channels.gain_axis(output, input), gains, "", "xy", limits, gain_limits, tuple(marks)),
@@ -189,7 +192,7 @@ def _markov_panels(
     of_observer = observer_markov_series(diagnostics, output, input)
     return (
         Panel(LAG, "coefficient", of_observer, "Markov parameters of the observer"),
-        Panel("sample after the pulse", axis, pulses, "Markov parameters of the system"),
+        Panel(AFTER, axis, pulses, "Markov parameters of the system"),
     )
 
 

@@ -18,7 +18,7 @@ from scenarios.record_figures.frequency_panels import (
     reliable_lines,
     spectra_panels,
 )
-from scenarios.record_figures.lag_panels import LAG, correlation_panel
+from scenarios.record_figures.lag_panels import AFTER, correlation_panel
 from scenarios.record_figures.measured_record import Channels, MeasuredRecord
 from scenarios.record_figures.period_spectra import excited_lines
 from scenarios.report.chart import Panel, Series, record_series
@@ -227,7 +227,7 @@ def _correlation_panels(
     # An infinite bound marks lags that the inputs do not determine.
     values = np.where(np.isfinite(bound), pulse.response[:, output, input], np.nan)
     estimate = Series("from correlations", pulse.lags, values, points("oe", "^"), values - bound, values + bound)
-    return *panels, Panel(LAG, channels.pulse_axis(output, input), [estimate], "pulse response")
+    return *panels, Panel(AFTER, channels.pulse_axis(output, input), [estimate], "pulse response")
 
 
 def _largest_lag(parts: Sequence[IOData], period: int) -> int:
