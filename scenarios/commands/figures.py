@@ -80,7 +80,7 @@ def figures(
         data: The record, or several with the same channels.
         kinds: Kinds of figures; all when none is named.
         models: Models, named as for hmtb compare, or by a method alone, whose orders are then chosen (of okid that of
-            least BIC with 5 observer Markov parameters); without it arx, armax, oe and okid, of several outputs armax
+            least BIC with 5 observer Markov parameters); by default arx, armax, oe and okid, of several outputs armax
             and okid.
         joint: Which joint of a log, or several of one; the excited one when not given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.

@@ -177,7 +177,9 @@ def record_figures(
         for name, measured in records.items():
             judged[name] = JudgedRecord(measured, tuple(on_record(model, measured) for model in used))
         for model in used:
-            remarks += [f"{model.label}: {remark}" for remark in model.remarks]
+            # Remarks on printed models name their equation themselves.
+            subject = "" if model.kind == "published" else f"{model.label}: "
+            remarks += [f"{subject}{remark}" for remark in model.remarks]
     figures: dict[str, ReportFigure] = {}
     headings: dict[str, str] = {}
     for number, kind in enumerate(drawn_kinds, start=steps - len(drawn_kinds)):
