@@ -47,7 +47,7 @@ def figures(
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
-    """Draw the figures of the thesis for a record of the twin or of any robot.
+    """Draw the kinds of figures of the thesis for any record.
 
     Kinds of figures, with the figures of the thesis that they resemble:
 
