@@ -28,7 +28,7 @@ ROOMS = {
     ),
     "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
-        *("files", "jobs", "experiments", "report", "truth", "identification", "model_report"),
+        *("files", "jobs", "experiments", "report", "truth", "identification", "model_report", "record_figures"),
         *("control", "datasets", "exchange"),
         *("estimators", "problems", "bench", "thesis", "station", "commands"),
     ),

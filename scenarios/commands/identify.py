@@ -43,7 +43,7 @@ def identify(
     *,
     method: Annotated[str | None, tyro.conf.arg(metavar="|".join(ESTIMATORS))] = None,
     orders: Annotated[tuple[str, ...], tyro.conf.arg(metavar="[INT|WORD ...]")] = (),
-    joint: str | None = None,
+    joint: Annotated[tuple[str, ...], tyro.conf.arg(metavar="NAME...")] = (),
     input: tuple[str, ...] = ("u",),
     output: tuple[str, ...] = ("y",),
     dt: float | None = None,
@@ -88,12 +88,17 @@ def identify(
     lost are left out, as are missing outputs (--missing). Several files are experiments with one model; gaps in the
     times of a table divide it into experiments, samples that jitter are put on a uniform grid, and a warning says so.
 
+    Several joints of a log give one model of all, with the bandwidth of each joint, the coupling between them and
+    residual tests of every output; pem_ss is chosen for it. hmtb figures draws it, and the thesis' models of a block
+    for each joint.
+
     The model describes motion about an operating point: the means are removed, and a remaining constant of the output
     (a record that starts from rest has one) is estimated with the model. --keep-mean uses the values as they are.
 
       hmtb identify siso-5-elbow_pitch.nc
       hmtb identify siso-5-elbow_pitch.nc --method oe --orders 2 2 1
       hmtb identify siso-5-elbow_pitch.nc --method armax --orders 2 2 2 1 --validate siso-8-elbow_pitch.nc
+      hmtb identify rpcm.nc --joint shoulder_yaw shoulder_pitch elbow_pitch --method n4sid --orders 6 --save rpcm.json
       hmtb identify robot.csv --input command --output angle --method oe --orders 2 2 1 --save robot.json
       hmtb identify robot.csv --method procest --orders P2DU --out report
       hmtb identify run-1.csv run-2.csv --time stamp --method n4sid --orders 3
@@ -103,7 +108,8 @@ def identify(
         method: One of the methods above; without it, it is chosen.
         orders: Orders of the model, in the sequence given above, as in MATLAB; of several inputs as 1,2 where they
             differ. Without them, they are chosen.
-        joint: Which joint of a log; the excited one when not given.
+        joint: Which joint of a log, or several of one, which give one multivariable model; the excited one when not
+            given.
         input: Names of the input columns of a table, or variables of a .mat or .nc file.
         output: Names of the output columns, likewise.
         dt: Sampling interval of a table without one, s. A column t, time or Time (s), or a variable dt or Ts, gives it.
@@ -230,15 +236,14 @@ def _say_next(options: Mapping[str, Any], chosen: Mapping[str, Any], save: Path 
 
     A choice is written out, so that the command gives the same model at once; one with cautions is repeated.
     """
-    first, joint = options["data"][0], options["joint"]
+    first = options["data"][0]
     # What was asked for once, figures and the consent to replace files, is not repeated.
     again = {**options, **chosen, "out": None, "overwrite": False}
     if save is None and goes_on:
         again["save"] = Path(f"{first.stem}.json")
         say(f"next: {command_line('hmtb identify', identify, again)}")
     elif save is not None and save.suffix == ".json":
-        joints = (joint,) if joint else ()  # hmtb compare takes several
-        of_record = {"data": first, "models": (str(save),), "joint": joints}
+        of_record = {"data": first, "models": (str(save),)}
         say(f"next: {command_line('hmtb compare', compare, {**again, **of_record})}")
 
 

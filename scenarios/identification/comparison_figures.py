@@ -111,7 +111,7 @@ def outputs_figure(
     if not (0.0 <= start < seconds and length > 0.0):
         raise ScenarioError(f"--piece {start:g} {length:g} given, expected a start from 0 to below {seconds:g} s")
     traces = []
-    for model, style in zip(models, _styles_by_kind(models), strict=True):
+    for model, style in zip(models, styles_of_kinds([model.kind for model in models]), strict=True):
         traces.append(_simulated_trace(model, longest, style, f"{model.label}: fit {_percents(model)} %"))
     is_in_radians = all(unit == "rad" for unit in record.output_units or ("",))
     scale, unit = (1000.0, "mrad") if is_in_radians else (1.0, None)
@@ -120,16 +120,20 @@ def outputs_figure(
     return figure
 
 
-def _styles_by_kind(models: Sequence[JudgedModel]) -> list[Style]:
-    """Styles of models: the first of a kind has the one that its kind has everywhere, others take those left over."""
-    of_kinds = {model.kind: PALETTE[model.kind] for model in models if model.kind in PALETTE}
+def styles_of_kinds(kinds: Sequence[str]) -> list[Style]:
+    """Styles of models: the first of a kind has the one that its kind has everywhere, others take those left over.
+
+    Args:
+        kinds: `truth`, `published`, `file` or the method of an estimator, of each model.
+    """
+    of_kinds = {kind: PALETTE[kind] for kind in kinds if kind in PALETTE}
     # What is measured and what is true keep their looks to themselves.
     reserved = (*of_kinds, "measured", "etfe", "truth")
     free = [style for kind, style in PALETTE.items() if kind not in reserved]
     styles = []
-    for model in models:
-        if model.kind in of_kinds:
-            styles.append(of_kinds.pop(model.kind))
+    for kind in kinds:
+        if kind in of_kinds:
+            styles.append(of_kinds.pop(kind))
         elif free:
             styles.append(free.pop(0))
         else:

@@ -29,7 +29,7 @@ NOTHING_HELD_OUT = (
 """Remark on a record without an end to judge on."""
 
 STEADY_END = (
-    "no input moves in the last quarter of the record, the output stays there, or an input moves at other frequencies "
+    "no input moves in the last quarter of the record, an output stays there, or an input moves at other frequencies "
     "than before"
 )
 """Reason of it in a record that is long enough."""
@@ -104,7 +104,7 @@ def identify_files(
     *,
     method: str | None = None,
     orders: Sequence[Order | str] = (),
-    joint: str | None = None,
+    joint: Names = (),
     input: Names = "u",
     output: Names = "y",
     dt: float | None = None,
@@ -129,7 +129,7 @@ def identify_files(
         data: The record, or several.
         method: One of `ESTIMATORS`; None chooses.
         orders: Orders of the model; none are chosen.
-        joint: Joint of a log; the excited one when None.
+        joint: Joint of a log, or several, which give one model of all; the excited one when none is named.
         input: Names of the input columns of a table.
         output: Names of the output columns.
         dt: Sampling interval of a table without one, s.
@@ -161,6 +161,8 @@ def identify_files(
         raise ScenarioError(f"--orders {' '.join(map(str, orders))} given without --method")
     if held_out is not None and validate is not None:
         raise ScenarioError("--held-out and --validate given; expected one: what judges the model")
+    if not isinstance(joint, str) and len(set(joint)) < len(joint):
+        raise ScenarioError(f"--joint {' '.join(joint)} given, expected each joint once")
     asked = trend_options(offset=offset, trend=trend, keep_mean=keep_mean)
     if direct and orders:
         raise ScenarioError(f"--direct and --orders {' '.join(map(str, orders))} given; nk = 0 is the direct term")
@@ -172,12 +174,12 @@ def identify_files(
         read = partial(read_parts, input=input, output=output, dt=dt, time=time, time_unit=time_unit, missing=missing)
         pieces: list[IOData] = []
         for path in data:
-            pieces += _named_apart(usable(read(path, joint=joint, test=test), skip, path, test), path, data)
+            pieces += _named_apart(usable(read(path, joint=joint or None, test=test), skip, path, test), path, data)
         records = whole = one_interval(pieces)
         check: tuple[IOData, ...] | None = None
         if validate is not None:
             # A log is validated on the joint that the model is of, whichever it excites.
-            validation = read(validate, joint=joints_of(records[0]) or joint, test=validate_test)
+            validation = read(validate, joint=joints_of(records[0]) or joint or None, test=validate_test)
             check = usable(validation, skip, validate, validate_test)
         elif share > 0.0:
             records, check = hold_out(records, share, is_asked_for=held_out is not None)
@@ -288,7 +290,7 @@ IMPORTS = "from pathlib import Path\nfrom scenarios.identification.file_identifi
 
 _PARAMETERS = inspect.signature(identify_files).parameters.values()
 DEFAULTS = {parameter.name: parameter.default for parameter in _PARAMETERS if parameter.kind is parameter.KEYWORD_ONLY}
-DEFAULTS |= {"input": ("u",), "output": ("y",)}  # as the command line has them, which takes several names
+DEFAULTS |= {"joint": (), "input": ("u",), "output": ("y",)}  # as the command line has them, which takes several names
 """Options of `identify_files`, in their sequence, with their values where they are not given."""
 
 

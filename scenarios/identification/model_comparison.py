@@ -167,7 +167,7 @@ def compare_models(
         else:
             for known in known_models(name, judging[0], path):
                 line = bool(trend and trend.get("trend"))
-                models.append(_judged_known(known, name.kind, about_means, keep_mean=keep_mean, line=line, steps=steps))
+                models.append(judged_known(known, name.kind, about_means, keep_mean=keep_mean, line=line, steps=steps))
     are_beside_lines = all(BESIDE_LINE in "".join(model.remarks) for model in models)
     if not trend and not keep_mean and not are_beside_lines and drifts(about_means):
         warnings.warn(DRIFTS, sysid.SysidWarning, stacklevel=2)
@@ -219,10 +219,22 @@ def _without_gaps(line: NDArray[np.float64]) -> NDArray[np.float64]:
     return filled
 
 
-def _judged_known(
+def judged_known(
     known: KnownModel, kind: str, about_means: Sequence[IOData], *, keep_mean: bool, line: bool, steps: int
 ) -> JudgedModel:
-    """Judge a model that needs no estimation about the operating point that the record and its dynamics tell."""
+    """Judge a model that is known about the operating point that records and its dynamics tell.
+
+    Args:
+        known: The model: of any origin, or estimated from these or other records.
+        kind: `truth`, `published`, `file` or the method of an estimator.
+        about_means: The records about their means; as they are with `keep_mean`.
+        keep_mean: Whether the model is of the values as they are, without an operating point.
+        line: Whether it is judged beside a straight line in the output in any case.
+        steps: Horizon of the further prediction, samples.
+
+    Raises:
+        SysidError: Other channels or another sampling interval than those of the records.
+    """
     record, model = about_means[0], as_model(known.model)
     why = _why_beside_a_line(known.model, asked=line)
     if keep_mean:

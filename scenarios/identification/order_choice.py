@@ -230,8 +230,8 @@ def hold_out(
 
     It cannot where the record is too short, or where no input moves in it. Unless it is asked for, it does not where it
     or the rest alone tells too little: an input moves at other frequencies in it than before, as a chirp does, or not
-    before it. The samples before it, as many as it has, give the state from which it is simulated: one fitted to the
-    judged samples would follow any drift.
+    before it, or one of several outputs hardly moves in it. The samples before it, as many as it has, give the state
+    from which it is simulated: one fitted to the judged samples would follow any drift.
 
     Args:
         records: All records.
@@ -252,6 +252,10 @@ def hold_out(
     to_estimate = list(records)
     to_estimate[longest] = whole[:end]
     if not is_asked_for:
+        # Of several outputs one may rest there while others move: its fit would be that to noise.
+        stay = np.nanstd(whole.y[end:], axis=0) <= STEADY * np.nanstd(whole.y, axis=0)
+        if whole.ny > 1 and stay.any():
+            return records, None
         for j in moving.tolist():
             if _common_power([record.u[:, j] for record in to_estimate], whole.u[end:, j]) < ALIKE:
                 return records, None

@@ -98,6 +98,8 @@ def result_tables(found: FileIdentification) -> tuple[ResultTable, ...]:
     if choice is not None:
         rows.append(("choice", choice.reason))
     tables = [ResultTable(found.title, ("", ""), (*rows, *model_rows(found.result)))]
+    tables += _coupling_tables(found.result.fitted)
+    tables += _residual_tables(found.result)
     tables += _pole_tables(model)
     if choice is not None:
         tables.append(_candidate_table(choice))
@@ -123,6 +125,47 @@ def _pole_tables(model: Estimate) -> list[ResultTable]:
     headings = tuple(heading for heading, _ in columns)
     cells = tuple(zip(*(cells for _, cells in columns), strict=True))
     return [ResultTable("Poles from input to output", headings, cells)]
+
+
+def _several_joints(record: IOData) -> tuple[str, ...]:
+    """Joints of a record of several; none of one joint, or of other channels."""
+    joints = joints_of(record)
+    return joints if len(joints) > 1 else ()
+
+
+def _coupling_tables(fitted: FittedModel) -> list[ResultTable]:
+    """Gain and bandwidth of the paths from the command of one joint to the angle of another."""
+    joints = _several_joints(fitted.parts[0])
+    if not joints:
+        return []
+    gain, rows = fitted.gain, []
+    for i, output in enumerate(joints):
+        for j, input in enumerate(joints):
+            if i != j:
+                bandwidth = _bandwidth_in_words(fitted.claims[i][j])
+                rows.append((f"{input} → {output}", _gain_in_words(gain[i, j]), bandwidth))
+    title = "Coupling: command of a joint → angle of another"
+    return [ResultTable(title, ("", "gain at 0 Hz", "bandwidth"), tuple(rows))]
+
+
+def _residual_tables(result: Identification) -> list[ResultTable]:
+    """Residual tests, a row for each of several outputs: whether they are white, and independent of each input."""
+    test, first = result.test, result.fitted.parts[0]
+    if test is None or first.ny < 2:
+        return []
+    of_all = result.test_of_all
+    rows = []
+    for i, output in enumerate(first.output_names or ()):
+        cells = [_test_outcome(test.white[i], test.whiteness_p[i])]
+        for j in range(first.nu):
+            cell = _test_outcome(test.independent[i, j], test.independence_p[i, j])
+            # A test that fails by chance passes on all samples, which tell more.
+            if of_all is not None and not test.independent[i, j]:
+                cell += f"; of all samples {_test_outcome(of_all.independent[i, j], of_all.independence_p[i, j])}"
+            cells.append(cell)
+        rows.append((output, *cells))
+    headings = [f"independent of {name}" for name in first.input_names or ()]
+    return [ResultTable("Residual tests, output by output", ("residuals of", "white", *headings), tuple(rows))]
 
 
 def _candidate_table(choice: StructureChoice) -> ResultTable:
@@ -522,21 +565,32 @@ def _fit_rows(result: Identification, outputs: Sequence[str]) -> list[tuple[str,
 def _bandwidth_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str, str]]:
     """Bandwidth and gain at 0 Hz of every path; where noise does not explain the errors, from the strong lines too."""
     first = fitted.parts[0]
-    gain = fitted.gain
     inputs, outputs = first.input_names or (), first.output_names or ()
     rows = []
-    for i, claims in enumerate(fitted.claims):
-        for j, claim in enumerate(claims):
-            path = f", {inputs[j]} → {outputs[i]}" if gain.size > 1 else ""
-            is_wider = error is not None and bool(error.is_wider[i])
-            words = _bandwidth_in_words(claim)
-            if error is not None and is_wider and isfinite(claim.hz):
-                words += f" from the parameters, {_ends_in_words(error.bandwidth(), i, j)} with distortion and order"
-            rows.append((f"bandwidth (-3 dB){path}", words))
-            if error is not None and is_wider:
-                rows += _bandwidth_from_line(error, i, j, path)
-            rows.append((f"gain at 0 Hz{path}", _gain_in_words(gain[i, j])))
+    # Of several joints their own paths; the coupling has a table of its own.
+    for i, joint in enumerate(_several_joints(first)):
+        rows += _rows_of_path(fitted, error, i, i, f" of {joint}")
+    if rows:
+        return rows
+    for i, j in np.ndindex(fitted.gain.shape):
+        path = f", {inputs[j]} → {outputs[i]}" if fitted.gain.size > 1 else ""
+        rows += _rows_of_path(fitted, error, i, j, path)
     return rows
+
+
+def _rows_of_path(
+    fitted: FittedModel, error: ModelError | None, output: int, input: int, path: str
+) -> list[tuple[str, str]]:
+    """Bandwidths and gain at 0 Hz of one path, whose name ends each heading."""
+    claim = fitted.claims[output][input]
+    words, from_line = _bandwidth_in_words(claim), []
+    if error is not None and error.is_wider[output]:
+        if isfinite(claim.hz):
+            with_error = _ends_in_words(error.bandwidth(), output, input)
+            words += f" from the parameters, {with_error} with distortion and order"
+        from_line = _bandwidth_from_line(error, output, input, path)
+    gain = _gain_in_words(fitted.gain[output, input])
+    return [(f"bandwidth (-3 dB){path}", words), *from_line, (f"gain at 0 Hz{path}", gain)]
 
 
 def _bandwidth_from_line(error: ModelError, output: int, input: int, path: str) -> list[tuple[str, str]]:
@@ -571,17 +625,29 @@ def _error_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str
     for i, output in enumerate(error.output_names):
         if not error.is_wider[i]:
             continue
-        for j, input in enumerate(error.input_names):
-            path = f", {input} → {output}" if error.gain[0].size > 1 else ""
-            shown = {error.strong_line, *(claims[j].hz for claims in fitted.claims)}
-            for k in np.flatnonzero(np.isin(error.frequencies, list(shown))).tolist():
-                by_noise = _interval_in_words(error.noise_alone, (k, i, j))
-                in_all = _interval_in_words(error.interval, (k, i, j))
-                name = f"gain at {error.frequencies[k]:.3g} Hz{path}"
-                intervals = f"95 %: {by_noise} by noise alone, {in_all} with distortion and order"
-                rows.append((name, f"{_gain_in_words(error.gain[k, i, j])} ({intervals})"))
+        for j, k in _gains_with_errors(error, fitted, i):
+            path = f", {error.input_names[j]} → {output}" if error.gain[0].size > 1 else ""
+            by_noise = _interval_in_words(error.noise_alone, (k, i, j))
+            in_all = _interval_in_words(error.interval, (k, i, j))
+            name = f"gain at {error.frequencies[k]:.3g} Hz{path}"
+            intervals = f"95 %: {by_noise} by noise alone, {in_all} with distortion and order"
+            rows.append((name, f"{_gain_in_words(error.gain[k, i, j])} ({intervals})"))
         rows.append(("errors of the simulation", error.reasons[i]))
     return rows
+
+
+def _gains_with_errors(error: ModelError, fitted: FittedModel, output: int) -> list[tuple[int, int]]:
+    """Numbers of the inputs and frequencies at which the gains to an output are listed.
+
+    They are the lowest strong line and the bandwidths of each path to it; of several joints only of the joint's own
+    path: nine paths at all bandwidths would be eighty rows.
+    """
+    inputs = [output] if _several_joints(fitted.parts[0]) else range(len(error.input_names))
+    listed = []
+    for j in inputs:
+        shown = [error.strong_line, fitted.claims[output][j].hz]
+        listed += [(j, k) for k in np.flatnonzero(np.isin(error.frequencies, shown)).tolist()]
+    return listed
 
 
 def _interval_in_words(interval: tuple[FloatArray, FloatArray], at: tuple[int, int, int]) -> str:
@@ -649,6 +715,9 @@ def _residual_rows(result: Identification) -> list[tuple[str, str]]:
     test = result.test
     if test is None:
         return [("residual test", f"not computed: {result.untested}")]
+    # Several outputs have a table of their own.
+    if result.fitted.parts[0].ny > 1:
+        return []
     of_all = ""
     if result.test_of_all is not None:
         of_all = f"; of all samples {_test_outcomes(result.test_of_all.independent, result.test_of_all.independence_p)}"
@@ -667,14 +736,16 @@ def _nonlinearity_rows(result: Identification) -> list[tuple[str, str]]:
     test = result.nonlinearity
     if test is None or not np.isfinite(test.p_values).any():
         return []
-    outcomes = []
+    outcomes, names = [], result.fitted.parts[0].output_names or ()
     for i, (p, distortion, kind) in enumerate(zip(test.p_values, test.distortion, test.kinds, strict=True)):
+        # A single output needs no name.
+        output = f"{names[i]} " if len(names) > 1 else ""
         if i in result.nonlinear:
             likeness = f"like {kind}, " if kind else ""
-            outcomes.append(f"yes ({likeness}{_percent(distortion)} of the output, p = {p:.2g})")
+            outcomes.append(f"{output}yes ({likeness}{_percent(distortion)} of the output, p = {p:.2g})")
         else:
             hidden = f"; yet a servo with {test.hidden[i]} fits far better than a linear one" if test.hidden[i] else ""
-            outcomes.append(f"no (p = {p:.2g}, at most {_percent(distortion)} of the output){hidden}")
+            outcomes.append(f"{output}no (p = {p:.2g}, at most {_percent(distortion)} of the output){hidden}")
     return [("residuals nonlinear in the input", ", ".join(outcomes))]
 
 
@@ -685,11 +756,11 @@ def _percent(share: float) -> str:
 
 
 def _test_outcomes(passed: np.ndarray, p_values: np.ndarray) -> str:
-    outcomes = []
-    for is_passed, p in zip(np.ravel(passed), np.ravel(p_values), strict=True):
-        word = "yes" if is_passed else "no"
-        outcomes.append(f"{word} (p = {p:.2g})")
-    return ", ".join(outcomes)
+    return ", ".join(map(_test_outcome, np.ravel(passed), np.ravel(p_values)))
+
+
+def _test_outcome(passed: bool, p: float) -> str:
+    return f"{'yes' if passed else 'no'} (p = {p:.2g})"
 
 
 def roots_text(roots: ComplexArray) -> str:

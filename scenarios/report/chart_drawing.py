@@ -12,6 +12,12 @@ from scenarios.report.chart import LARGEST, Panel, Series
 from scenarios.report.figure_style import WIDTH, dress, plain_marks
 from sysid.plots import BOUND
 
+LEGEND_KEY, LETTER = 0.45, 0.068
+"""Width of a legend's line with its gaps, and of a letter of its labels, inch."""
+
+STEM_END = 2.0
+"""Diameter of the end of a stem, points."""
+
 
 def draw(
     panels: Sequence[Panel],
@@ -46,8 +52,9 @@ def draw(
     dress(grid[: len(panels)])
     if shared:
         _label_once(figure, list(grid[: len(panels)]), columns)
-    # More columns than three are wider than a figure.
-    legend_columns = min(max(columns, 2), 3)
+    # More columns than three are wider than a figure, and long labels would leave it at the right.
+    widest = LEGEND_KEY + LETTER * max(map(len, handles), default=0)
+    legend_columns = max(min(max(columns, 2), 3, int(width / widest)), 1)
     figure.legend(
         handles.values(), handles.keys(), loc="outside upper left", ncols=legend_columns, frameon=False, fontsize=8
     )
@@ -138,6 +145,9 @@ def _draw_series(axes: Axes, series: Series) -> Any:
     # Styles of the palette have a marker too; curves are drawn without.
     marker = "" if style.line else style.marker
     look: dict[str, Any] = {"color": colour, "ls": style.line, "lw": style.width, "marker": marker, "ms": series.size}
+    if series.kind == "stem":
+        # The ends of stems have nothing between them.
+        look |= {"ls": "", "marker": "o", "ms": STEM_END}
     (line,) = axes.plot(x, y, drawstyle=steps, **look)
     return line
 

@@ -84,7 +84,7 @@ def checked(session: Session, values: dict[str, Any]) -> dict[str, Any]:
         raise ScenarioError(f"expected more than 0 s, given {values['dt']:g} s")
     for name in ("time", "time_unit", "test", "other"):
         values[name] = values[name] or None
-    values["joint"] = None if values["joint"] == EXCITED else values["joint"]
+    values["joint"] = () if values["joint"] == EXCITED else (values["joint"],)
     values["file"] = tuple(Path(path.strip()) for path in values["file"].split(";") if path.strip())
     values["other"] = values["other"] and Path(values["other"])
     for path in filter(None, (*values["file"], values["other"])):
@@ -96,7 +96,7 @@ def checked(session: Session, values: dict[str, Any]) -> dict[str, Any]:
     if log is not None:
         if values["skip"] >= len(log) * log.dt:
             raise ScenarioError(f"expected less than the {len(log) * log.dt:g} s of the record")
-        if values["joint"] is None and (len(log.axes) != 1 or log.axes[0] not in JOINTS):
+        if not values["joint"] and (len(log.axes) != 1 or log.axes[0] not in JOINTS):
             raise ScenarioError(f"{log.name} moves {', '.join(log.axes)}: choose the joint")
     return values
 

@@ -12,10 +12,12 @@
   const font = { family: "Inter, Segoe UI, Helvetica Neue, Arial, sans-serif", size: 12, color: "#1d2327" };
   const grid = "#e3e6e9", labels = new Map();
 
-  const axis = (label, log, limits) => ({
+  // Long rows of zeros would meet the panel beside.
+  const format = (panel) => (panel.series.some((s) => s.y.some((v) => v > 0 && v < 1e-4)) ? "~e" : "~g");
+  const axis = (label, log, limits, tickformat = "~g") => ({
     title: { text: label, standoff: 6 }, type: log ? "log" : undefined, gridcolor: grid, zeroline: false, linecolor: grid,
     range: limits ? limits.map((v) => (log ? Math.log10(v) : v)) : undefined, automargin: true,
-    ...(log ? { dtick: limits && limits[1] < 150 * limits[0] ? "D2" : 1, tickformat: "~g", minor: { showgrid: false } } : {}),
+    ...(log ? { dtick: limits && limits[1] < 150 * limits[0] ? "D2" : 1, tickformat, minor: { showgrid: false } } : {}),
   });
 
   function traces(chart, panel, number, seen) {
@@ -66,7 +68,7 @@
       const n = k ? k + 1 : "", column = k % columns, row = Math.floor(k / columns);
       const left = column * (wide + gapx), top = 1 - row * (high + gapy);
       layout["xaxis" + n] = { ...axis(panel.x, panel.log.includes("x"), panel.x_limits), domain: [left, left + wide], anchor: "y" + n };
-      layout["yaxis" + n] = { ...axis(panel.y, panel.log.includes("y"), panel.y_limits), domain: [top - high, top], anchor: "x" + n };
+      layout["yaxis" + n] = { ...axis(panel.y, panel.log.includes("y"), panel.y_limits, format(panel)), domain: [top - high, top], anchor: "x" + n };
       if (k && panels[0].x === panel.x && !panel.equal) layout["xaxis" + n].matches = "x";
       if (panel.equal) layout["yaxis" + n].scaleanchor = "x" + n;
       layout.annotations.push({ text: panel.title, xref: "paper", yref: "paper", x: left, y: top, xanchor: "left", yanchor: "bottom",

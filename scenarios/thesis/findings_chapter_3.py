@@ -14,9 +14,10 @@ from hmtb_twin.bus.recorder import delayed
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import POINTS
+from scenarios.record_figures.period_spectra import excited_lines
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading
-from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING, excited_lines
+from scenarios.thesis.nonparametric import GRID, PULSE, SINES, WHITENING
 from scenarios.truth.published import BREAK_FREQUENCY, PUBLISHED
 from sysid import FrequencyResponse
 from sysid.models.bandwidth import HALF_POWER, gain_crossing

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scenarios.record_figures.observer_errors import ObserverError, observer_errors
 from scenarios.thesis.campaign import Campaign
 from scenarios.thesis.estimates import estimate, fits
 from sysid import Estimate, IOData, StateSpace
@@ -17,24 +18,6 @@ P = 5
 
 ORDER = 2
 """States per joint of the thesis [Morris1996, sec. V.2B]."""
-
-NUMBERS = (1, 2, 3, 4, 5, 6, 8, 10)
-"""Numbers of observer Markov parameters whose prediction errors are compared."""
-
-
-@dataclass(frozen=True)
-class ObserverError:
-    """Standard deviations of an observer's errors, relative to that of the output.
-
-    Attributes:
-        p: Observer Markov parameters.
-        prediction: Of the prediction from p samples before.
-        smoothing: Of the estimate from p samples before and p after.
-    """
-
-    p: int
-    prediction: float
-    smoothing: float
 
 
 @dataclass(frozen=True)
@@ -78,21 +61,6 @@ def observe(joint: str, campaign: Campaign, *, thorough: bool = True) -> JointOb
     return JointObserver(shares, errors)
 
 
-def observer_errors(data: IOData, numbers: tuple[int, ...] = NUMBERS) -> tuple[ObserverError, ...]:
-    """Prediction and smoothing errors of observers, in parts of the output's standard deviation, a row for each number.
-
-    The thesis does not say what its smoothing error is; it is read as that of the best linear estimate of a sample from
-    p samples of input and output on both sides of it.
-    """
-    spread = float(np.std(data.y))
-    errors = []
-    for p in numbers:
-        # The error is that of the observer: the order of the realisation does not enter it.
-        prediction = float(np.sqrt(observer(data, 1, p).noise_variance[0, 0]))
-        errors.append(ObserverError(p, prediction / spread, _smoothing_error(data, p) / spread))
-    return tuple(errors)
-
-
 def observer(data: IOData, order: int = ORDER, p: int = P) -> Estimate:
     """An observer model; its diagnostics hold its warnings."""
     return estimate(data, "okid", (order, p))
@@ -122,12 +90,3 @@ def _share(data: IOData, order: int) -> Share:
         simulation=fit.simulation,
         one_step=fit.one_step,
     )
-
-
-def _smoothing_error(data: IOData, p: int) -> float:
-    """Standard deviation of the best linear estimate's error from p samples of u and y on both sides, rad."""
-    windows = np.lib.stride_tricks.sliding_window_view(np.hstack((data.u, data.y)), 2 * p + 1, axis=0)
-    # The measurement that is estimated stands in the middle of the second half, the outputs: it must not help.
-    columns = np.delete(windows.reshape(len(windows), -1), windows.shape[2] + p, axis=1)
-    target = data.y[p : len(data) - p, 0]
-    return float(np.std(target - columns @ np.linalg.lstsq(columns, target, rcond=None)[0]))

@@ -1,7 +1,7 @@
 """Charts over time and lag: waveforms, records, outputs, residuals, correlations, Markov parameters."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,6 +13,15 @@ from scenarios.experiments.film_plot import COMMAND, MEASURED
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load
 from scenarios.experiments.waveform import Waveform
+from scenarios.record_figures.lag_panels import (
+    LAG,
+    autocorrelation_panel,
+    correlation_panel,
+    cross_correlation_panel,
+    hankel_panel,
+    observer_error_panel,
+    observer_markov_series,
+)
 from scenarios.report.chart import Panel, Series, record_series
 from scenarios.report.figure_style import MRAD, method_style, points, short
 from scenarios.thesis.chart import chart_of, joints
@@ -22,7 +31,7 @@ from scenarios.thesis.nonparametric import PRBS, PULSE, SINES
 from sysid import IOData, ResidualTest
 from sysid.plots import PALETTE, Style
 
-ANGLE, SECONDS, MAGNIFIED, LAG = "angle / mrad", "time / s", "time, magnified / s", "lag / samples"
+ANGLE, SECONDS, MAGNIFIED = "angle / mrad", "time / s", "time, magnified / s"
 
 TESTS = {"two sines": (SINES, 1.6), "PRBS": (PRBS, 4.0), "pulse": (PULSE, 3.0), "5–10 Hz chirp": (8, 2.0)}
 """Tests whose records and outputs are drawn: number, and how much is magnified, s."""
@@ -131,23 +140,9 @@ def residuals(study: Comparison, result: JointResult, method: str) -> tuple[Pane
     return Panel(SECONDS, "residual / mrad", [curve]), *_tests([(label, test, look)], 0)
 
 
-def _tests(tests: Iterable[tuple[str, ResidualTest, Style]], channel: int) -> tuple[Panel, Panel]:
+def _tests(tests: Sequence[tuple[str, ResidualTest, Style]], channel: int) -> tuple[Panel, Panel]:
     """Autocorrelation of the residuals of a channel, and their correlation with its input, models side by side."""
-    auto, cross = [], []
-    for index, (label, test, look) in enumerate(tests):
-        # Stems of several models stand side by side at each lag.
-        shift = 0.4 * index
-        # Lag 0 is one by definition and would set the scale.
-        coefficients = test.autocorrelation[1:, channel, channel]
-        auto.append(Series(label, test.lags[1:] + shift, coefficients, look, kind="stem"))
-        coefficients = test.cross_correlation[:, channel, channel]
-        cross.append(Series(label, test.cross_lags + shift, coefficients, look, kind="stem"))
-    # Tests of one record share its bounds.
-    white, independent = float(test.whiteness_bound), float(test.independence_bound[channel, channel])
-    return (
-        Panel(LAG, "autocorrelation", auto, marks=(("y", white, "99 %"), ("y", -white, ""))),
-        Panel(LAG, "with the input", cross, marks=(("y", independent, "99 %"), ("y", -independent, ""))),
-    )
+    return autocorrelation_panel(tests, channel), cross_correlation_panel(tests, channel, channel)
 
 
 @chart_of({"Joint": joints}, columns=2, height=190)
@@ -158,11 +153,7 @@ def correlations(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     drawn = []
     # Of the two channels, the output is the first.
     for row, column, title in ((0, 0, "output"), (1, 1, "input"), (0, 1, "input to output")):
-        series = []
-        for label, function, colour in functions:
-            coefficients = function.normalised[:, row, column]
-            series.append(Series(label, function.lags, coefficients, Style(colour, "-", 1.0)))
-        drawn.append(Panel(LAG, "correlation", series, title))
+        drawn.append(replace(correlation_panel(functions, row, column), title=title))
     lags = estimates.pulse.lags
     bound, first = float(estimates.delay.bound[0, 0]), int(estimates.delay.correlation[0, 0])
     truth = Series("truth", lags, result.truth.model.markov(len(lags))[:, 0, 0], PALETTE["truth"])
@@ -175,42 +166,21 @@ def correlations(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
 def observers(study: Comparison, result: JointResult) -> tuple[Panel, ...]:
     """OKID: Markov parameters of observer and system, errors over p, Hankel singular values."""
     diagnostics = result.models["okid"].estimate.diagnostics
-    diamonds = points("okid", "D")
-    hankel = np.asarray(diagnostics["hankel_singular_values"], dtype=float)[:8]
-    sizes = Series("Hankel singular value", np.arange(1, len(hankel) + 1), hankel / hankel[0], diamonds)
     system = np.asarray(diagnostics["system_markov"])[:SHOWN, 0, 0]
     samples = np.arange(len(system))
     pulse = [
         Series("truth", samples, result.truth.model.markov(len(system))[:, 0, 0], PALETTE["truth"]),
-        Series("from the observer", samples, system, diamonds),
+        Series("from the observer", samples, system, points("okid", "D")),
     ]
     drawn = (
-        Panel(LAG, "rad/rad", _observer_markov_parameters(diagnostics), "Markov parameters of the observer"),
+        Panel(LAG, "rad/rad", observer_markov_series(diagnostics), "Markov parameters of the observer"),
         Panel("sample after the pulse", "rad/rad", pulse, "Markov parameters of the system"),
-        Panel("number", "over the largest", [sizes], "Hankel singular values", "y"),
+        hankel_panel(diagnostics["hankel_singular_values"], 8),
     )
     errors = study.observers[result.joint].errors
     if not errors:
         return drawn
-    tried = [error.p for error in errors]
-    curves = [
-        Series("prediction error", tried, [100 * error.prediction for error in errors], PALETTE["okid"]),
-        Series("smoothing error", tried, [100 * error.smoothing for error in errors], PALETTE["oe"]),
-    ]
-    mark = (("x", 5.0, "p of the thesis"),)
-    return *drawn, Panel("observer Markov parameters p", "% of the output", curves, "errors over p", "y", marks=mark)
-
-
-def _observer_markov_parameters(diagnostics: Mapping[str, Any]) -> list[Series]:
-    """Markov parameters of the observer from the command and from the measurement, side by side at each lag."""
-    series = []
-    for signal, label, shift, colour in (
-        ("u", "of the command", -0.2, PALETTE["okid"].colour),
-        ("y", "of the measurement", 0.2, "#7a5195"),
-    ):
-        values = np.asarray(diagnostics[f"observer_markov_{signal}"])[:, 0, 0]
-        series.append(Series(label, np.arange(1, len(values) + 1) + shift, values, Style(colour), kind="stem"))
-    return series
+    return *drawn, observer_error_panel(errors, (("x", 5.0, "p of the thesis"),))
 
 
 @chart_of(

@@ -12,10 +12,10 @@ from hmtb_twin.files.atomic_write import check_place, write_whole
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.recovered_bandwidth import near_1_hz
 from scenarios.report.chart_script import chart_script, compressed_plotly
+from scenarios.report.figure_files import write_figures
 from scenarios.report.page import Page
 from scenarios.thesis.answer import Answer
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.figures import write_figures
 from scenarios.thesis.finding import Finding
 from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.monte_carlo import Spread, Tally

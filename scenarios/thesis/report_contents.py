@@ -12,6 +12,7 @@ from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.model_structures import STRUCTURES, Structure
 from scenarios.experiments.waveform import POINTS
 from scenarios.identification.recovered_bandwidth import ABOUT_1_HZ
+from scenarios.report.figure_files import ReportFigure
 from scenarios.thesis import chapters
 from scenarios.thesis.answer import Answer, answer_texts
 from scenarios.thesis.attribution import CONDITIONS, Attributions
@@ -19,7 +20,7 @@ from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.control_section import control_section
 from scenarios.thesis.every_joint_section import every_joint_section
 from scenarios.thesis.fairness_section import fairness_section
-from scenarios.thesis.figures import ReportFigure, report_figures, without_counterpart
+from scenarios.thesis.figures import report_figures, without_counterpart
 from scenarios.thesis.finding import CLAIMS, Finding, ThesisClaim, Verdict
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.monte_carlo import Tally

@@ -10,15 +10,25 @@ from hmtb_twin import JOINTS
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.waveform import POINTS
+from scenarios.record_figures.frequency_panels import (
+    DEGREES,
+    HZ,
+    gain_series,
+    phase_series,
+    reliable_lines,
+    root_panel,
+    spectra_panels,
+)
+from scenarios.record_figures.period_spectra import excited_lines
 from scenarios.report.chart import Panel, Series
 from scenarios.report.figure_style import MRAD, method_style, points, short
 from scenarios.thesis.chart import chart_of, joints
 from scenarios.thesis.comparison import Comparison, JointResult
 from scenarios.thesis.multivariable import FULL_OKID, INDEPENDENT
-from scenarios.thesis.nonparametric import PRBS, PULSE, SINES, excited_lines
+from scenarios.thesis.nonparametric import PRBS, PULSE, SINES
 from sysid import FrequencyResponse, StateSpace
 from sysid.models.bandwidth import HALF_POWER
-from sysid.plots import BOUND, PALETTE, Style
+from sysid.plots import PALETTE, Style
 
 # Up to the Nyquist frequency of the records.
 FREQUENCIES = np.geomspace(0.05, 25.0, 90)
@@ -35,12 +45,9 @@ WEAK = 0.1
 PRINTED = (PALETTE["published"], Style("#b8860b", ":", 1.6), Style("#6b4e00", "--", 1.4), Style("#6b4e00", "-", 1.0))
 """Line styles of the printed models of one joint."""
 
-HZ, GAIN, DEGREES = "frequency / Hz", "gain / (rad/rad)", "phase / °"
+GAIN = "gain / (rad/rad)"
 
 LEVEL = ("y", HALF_POWER, "0.707")
-
-REACH = 1.5
-"""Limits of the z plane; roots beyond are counted in the legend."""
 
 Curve = tuple[str, StateSpace | FrequencyResponse, Style]
 """Name, model or response, and look."""
@@ -79,34 +86,22 @@ def _response(drawn: StateSpace | FrequencyResponse) -> FrequencyResponse:
 
 def _gain(label: str, drawn: StateSpace | FrequencyResponse, style: Style, row: int = 0, column: int = 0) -> Series:
     """Gain from an input to an output, with its 95 % band where it is known."""
-    response = _response(drawn)
-    gain = response.magnitude[:, row, column]
-    low = high = None
-    if response.covariance is not None:
-        low, high = (end[:, row, column] for end in response.magnitude_ci95())
-    # A gain of zero has no place on a logarithmic axis.
-    return Series(label, response.frequencies, np.where(gain > 0.0, gain, np.nan), style, low, high)
+    return gain_series(label, _response(drawn), style, row, column)
 
 
 def _phase(label: str, drawn: StateSpace | FrequencyResponse, style: Style, result: JointResult) -> Series:
     """Phase in degrees, unwrapped onto the same turn as the true phase."""
-    response = _response(drawn)
     # Dense enough for the true phase to move by less than half a turn from value to value.
     dense = np.linspace(0.05, 25.0, 500)
     true = np.unwrap(np.angle(result.truth.model.frequency_response(dense)[:, 0, 0]))
-    angle = np.angle(response.response[:, 0, 0])
-    # An estimate alone does not tell how many full turns its phase has made.
-    turns = np.round((angle - np.interp(response.frequencies, dense, true)) / (2 * np.pi))
-    return Series(label, response.frequencies, np.degrees(angle - 2 * np.pi * turns), style)
+    return phase_series(label, _response(drawn), style, (dense, true))
 
 
 def well_known(response: FrequencyResponse) -> FrequencyResponse:
     """The lines up to half of Nyquist whose gain is known to a fifth; the others show noise and distortion."""
-    covariance = response.covariance
-    if covariance is None:
+    if response.covariance is None:
         return response
-    spread = np.sqrt(np.trace(covariance[:, 0, 0], axis1=1, axis2=2))
-    kept = (spread < 0.2 * response.magnitude[:, 0, 0]) & (response.frequencies <= SAMPLE_RATE / 4)
+    kept = reliable_lines(response) & (response.frequencies <= SAMPLE_RATE / 4)
     return replace(response.select(kept), covariance=None)
 
 
@@ -158,27 +153,15 @@ def four_spectra(study: Comparison, result: JointResult, test: int) -> tuple[Pan
     true_disturbance = Series("left by the linear truth", periodic.frequencies, disturbance, PALETTE["truth"])
     # The window resolves no more than this many lines over a logarithmic axis.
     thin = np.unique(np.searchsorted(spectrum.frequencies, np.geomspace(0.1, 24.9, 160)))
-    panels = []
-    for title, windowed, repeated, true_series in (
-        ("disturbance", spectrum.noise_spectrum, periodic.disturbance, [true_disturbance]),
-        ("output", spectrum.output_spectrum, periodic.output, [true_output]),
-        ("input", spectrum.input_spectrum, periodic.input, []),
-        ("cross, magnitude", spectrum.cross_spectrum, np.abs(periodic.cross), [true_cross]),
-    ):
-        series = []
-        if windowed is not None:
-            density = windowed[thin, 0, 0]
-            density = np.abs(density) if title.startswith("cross") else density.real
-            # The Hamming window makes densities negative: gaps.
-            positive = scale * np.where(density > 0.0, density, np.nan)
-            look = Style(PALETTE["spa"].colour, "-", 0.8)
-            series.append(Series("Hamming window", spectrum.frequencies[thin], positive, look))
-        # Lines without input power beyond rounding are left out.
-        beyond_rounding = np.where(repeated > 1e-15 * repeated.max(), scale * repeated, np.nan)
-        series.append(Series("by repetition", periodic.frequencies, beyond_rounding, points("oe", "^")))
-        series += true_series
-        panels.append(Panel(HZ, "density / (mrad²/Hz)", series, title, "xy", (0.1, 25.0)))
-    return tuple(panels)
+    density = "mrad²/Hz"
+    return spectra_panels(
+        spectrum.select(thin),
+        periodic,
+        scales=(MRAD, MRAD),
+        units=(density, density, density),
+        beside=([true_disturbance], [true_output], [], [true_cross]),
+        limits=(0.1, 25.0),
+    )
 
 
 def _known_disturbance(study: Comparison, result: JointResult, test: int, period: int) -> np.ndarray:
@@ -212,18 +195,7 @@ def _systems(study: Comparison) -> dict[str, list[tuple[str, StateSpace, Style]]
 @chart_of({"Model of": _systems}, height=360)
 def roots(study: Comparison, systems: Iterable[tuple[str, StateSpace, Style]]) -> tuple[Panel, ...]:
     """Poles and zeros of the models of each joint, and of the three-joint models."""
-    angle = np.linspace(0.0, 2.0 * np.pi, 91)
-    series = [Series("unit circle", np.cos(angle), np.sin(angle), Style(BOUND.colour, "-", 0.9))]
-    for label, model, look in systems:
-        for poles_or_zeros, values, marker in (("poles", model.poles(), "x"), ("zeros", model.zeros(), "o")):
-            inside = values[(np.abs(values.real) < REACH) & (np.abs(values.imag) < REACH)]
-            beyond = len(values) - len(inside)
-            name = f"{label}, {poles_or_zeros}"
-            if beyond:
-                name += f" ({beyond} beyond)"
-            series.append(Series(name, inside.real, inside.imag, Style(look.colour, "", 1.0, marker)))
-    ends = (-REACH, REACH)
-    return (Panel("real part of z", "imaginary part of z", series, "", "", ends, ends, equal=True),)
+    return (root_panel(systems),)
 
 
 @chart_of({"To": lambda study: {short(name): row for row, name in enumerate(study.joints)}}, columns=3, height=240)

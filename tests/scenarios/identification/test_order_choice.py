@@ -132,7 +132,7 @@ def test_an_output_that_stays_in_the_last_quarter_judges_nothing(tmp_path):
     y[600:] = 0.0
     found = identified([written(tmp_path / "stays.csv", u, y)])
     assert found.held_out == 0.0
-    assert any("the output stays there" in warning for warning in found.warnings)
+    assert any("an output stays there" in warning for warning in found.warnings)
 
 
 def test_a_record_that_judges_its_own_model_is_said(tmp_path):

@@ -106,3 +106,19 @@ def test_names_are_no_formulas_and_numbers_that_no_axis_can_hold_are_left_out():
     assert svg(figure, "names", "m").startswith("<svg")
     assert [label.get_text() for label in figure.axes[0].get_yticklabels()] == ["1 a\\$\\q\\$", "2 \\$b"]
     assert figure.axes[0].get_xlim()[1] < 10.0
+
+
+@pytest.mark.parametrize(
+    "label", ["OE 2/2/1", "ARMAX, block-diagonal, poles", "published OKID (5.10), zeros (2 beyond)"]
+)
+def test_long_labels_stay_inside_the_figure(label):
+    series = [Series(f"{label} {k}", [0.0, 1.0], [0.0, 1.0], PALETTE["oe"]) for k in range(5)]
+    figure = draw([Panel("x", "y", series)])
+    figure.draw_without_rendering()
+    assert figure.legends[0].get_window_extent().width <= figure.bbox.width
+
+
+def test_stems_have_no_line_between_their_ends():
+    stems = Series("stems", [0, 1, 2], [1.0, -1.0, 1.0], PALETTE["okid"], kind="stem")
+    (axes,) = [axes for axes in draw([Panel("lag", "r", [stems])]).axes if axes.axison]
+    assert [line.get_linestyle() for line in axes.lines] == ["None"]

@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from scenarios.experiments.registry import load
+from scenarios.record_figures.period_spectra import excited_lines
 from scenarios.report.chart_drawing import draw
-from scenarios.thesis.figures import ReportFigure, report_figures, thesis_numbers, without_counterpart, write_figures
+from scenarios.report.figure_files import ReportFigure, thesis_numbers, write_figures
+from scenarios.thesis.figures import report_figures, without_counterpart
 from scenarios.thesis.long_tables import LongTables
 from scenarios.thesis.motion_section import motion_chart, read_motion
-from scenarios.thesis.nonparametric import PULSE, SINES, excited_lines
+from scenarios.thesis.nonparametric import PULSE, SINES
 from sysid.plots import PALETTE
 from tests.refusals import refused
 

@@ -8,16 +8,8 @@ import pytest
 from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE
 from scenarios.experiments.registry import load
 from scenarios.files.errors import MissingRecordError
-from scenarios.thesis.nonparametric import (
-    GRID,
-    PULSE,
-    SINES,
-    excited_lines,
-    half_power,
-    nonparametric,
-    period_spectra,
-    summary,
-)
+from scenarios.record_figures.period_spectra import excited_lines, period_spectra
+from scenarios.thesis.nonparametric import GRID, PULSE, SINES, half_power, nonparametric, summary
 from sysid import FrequencyResponse, IOData, StateSpace, simulate
 from tests.refusals import refused
 

@@ -14,12 +14,12 @@ from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity
 from scenarios.experiments.model_structures import STRUCTURES
 from scenarios.experiments.registry import load
 from scenarios.identification.recovered_bandwidth import intervals_agree
+from scenarios.record_figures.period_spectra import period_spectra
 from scenarios.thesis.attribution import CONDITIONS as SWITCHED_OFF
 from scenarios.thesis.attribution import ORDERS, order_effects, scaled
 from scenarios.thesis.campaign import CONDITIONS, EVERY_TEST, FAIRNESS_TESTS, OTHER_WAVEFORMS, Campaign
 from scenarios.thesis.estimates import fits
 from scenarios.thesis.multivariable import FULL_OKID, INDEPENDENT, METHODS, full_models, three_joint_truth
-from scenarios.thesis.nonparametric import period_spectra
 from scenarios.thesis.study import ESTIMATION_TEST, JUDGING, draw_conclusions, plan, run_study, study_joint
 from sysid import IOData, SysidError
 from sysid.models.bandwidth import half_power_hz
