@@ -146,7 +146,9 @@ def control(
         say_each("failed: ", _failures([*scored, *stressed]))
         say_each("written: ", files)
         if out is not None:
-            say_next("control", "reach", "--seeds", 5, "--method", *(out / f"{name}.json" for name in laws))
+            conditions = _options(payload, friction_level, record, reference)
+            designs = [out / f"{name}.json" for name in laws]
+            say_next("control", *(scenarios or DEFAULT)[:1], "--seeds", 5, *conditions, "--method", *designs)
     return 0
 
 
@@ -184,6 +186,16 @@ def _tested(
     # The frequency test describes no arm of its own: it runs on that of the scenarios.
     tested = [on_arm_of(ground, frequency_test(draw)) if isinstance(draw, int) else draw for draw in draws]
     return ground, tested
+
+
+def _options(payload: str | None, friction_level: float | None, record: Path | None, reference: str) -> list[object]:
+    """Words of the options that name the arms, without defaults."""
+    values = {"payload": payload, "friction-level": friction_level, "record": record, "reference": reference}
+    words: list[object] = []
+    for name, value in values.items():
+        if value is not None and value != "flight":
+            words += [f"--{name}", value]
+    return words
 
 
 def _method_name(word: str) -> str:
