@@ -190,6 +190,7 @@ def _tested(
 
 def _options(payload: str | None, friction_level: float | None, record: Path | None, reference: str) -> list[object]:
     """Words of the options that name the arms, without defaults."""
+    # Without them the next command would identify another arm than the design was made for.
     values = {"payload": payload, "friction-level": friction_level, "record": record, "reference": reference}
     words: list[object] = []
     for name, value in values.items():

@@ -29,6 +29,7 @@ def with_options(experiment: Experiment, payload: str | None, friction_level: fl
         payload: Another payload; at the worksite the operator takes the unit, and the payload stays.
         friction_level: Dry friction in multiples of the nominal.
     """
+    # The laboratory refuses other payloads at the worksite: its seats fit the unit alone.
     if payload is not None and not experiment.worksite:
         experiment = replace(experiment, payload=payload)
     if friction_level is not None:
@@ -51,16 +52,18 @@ def identification_of(
     """
     for experiment in experiments:
         _check_joints(experiment)
-    first, *others = experiments
+    first = experiments[0]
     arm = _identified_arm(first, payload)
-    for other in others:
-        for name, value in _identified_arm(other, payload).items():
+    # A design for one arm on another one is a stress test: nobody gets it unasked.
+    for experiment in experiments[1:]:
+        for name, value in _identified_arm(experiment, payload).items():
             if value != arm[name]:
-                field, of_first, of_other = _difference(name, arm[name], value)
+                field, of_first, of_experiment = _difference(name, arm[name], value)
                 raise ScenarioError(
-                    f"{first.name} with {field} = {of_first} and {other.name} with {of_other} given, expected one arm: "
-                    "control identifies one ground arm; run them one after the other"
+                    f"{first.name} with {field} = {of_first} and {experiment.name} with {of_experiment} given, "
+                    "expected one arm: control identifies one ground arm; run them one after the other"
                 )
+    # Excitation and hand controller stay those of the identification: a scenario's own need not move all joints.
     return replace(identification_experiment(arm["variant"], seed), **arm)
 
 
@@ -80,6 +83,7 @@ def _identified_arm(experiment: Scenario | MultisineExperiment, payload: str | N
 
 def _check_joints(experiment: Scenario | MultisineExperiment) -> None:
     """Raise `ScenarioError` if the stick moves a joint that is not under control; Cartesian modes move none."""
+    # Axes of Cartesian modes are directions of the tool, whose kinematics hold the shoulder roll.
     for name in experiment.axes:
         if name in JOINTS and name not in CONTROLLED:
             raise ScenarioError(
@@ -90,6 +94,7 @@ def _check_joints(experiment: Scenario | MultisineExperiment) -> None:
 
 def _difference(name: str, first: object, second: object) -> tuple[str, object, object]:
     """Name and values of the first field in which two different values of a field differ, inside of records too."""
+    # A plant of eight numbers in an error message hides the one that differs.
     if is_dataclass(first) and is_dataclass(second):
         for field in fields(first):
             of_first, of_second = getattr(first, field.name), getattr(second, field.name)

@@ -24,6 +24,7 @@ def _with_payload(scenario: Tested, payload: str) -> Tested:
 
 def _with_worn_seals(scenario: Tested) -> Tested:
     """Return a scenario on an arm with `WORN` times its dry friction."""
+    # A multiple: seals that a file calls worn wear on, and eight times nothing stays nothing.
     plant = scenario.plant
     return replace(scenario, plant=replace(plant, friction_level=WORN * plant.friction_level))
 
