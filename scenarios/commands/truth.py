@@ -42,6 +42,7 @@ def truth(
     supply_pressure: Annotated[float | None, tyro.conf.arg(metavar="MPA")] = None,
     oil_temperature: Annotated[float | None, tyro.conf.arg(metavar="DEGC")] = None,
     process_noise: float | None = None,
+    load_flow_slope: float | None = None,
     bla: Annotated[float | None, tyro.conf.arg(metavar="RAD")] = None,
     data: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     maps: bool = False,
@@ -62,9 +63,10 @@ def truth(
     and leakage damp it (linear actuators only).
 
     Two options add other truths. --bla 0.01 adds the best linear approximation at that amplitude: the linear system
-    that is nearest to the arm with friction and velocity limit, and its 95 % interval (some seconds). A remark warns
-    where it has little meaning. --data LOG adds the smallest errors that a model can reach on that log of hmtb simulate
-    if it knows only commands and measurements; a line below the table says how far chance may take a model below them.
+    that is nearest to the arm with friction and velocity limit, and its 95 % interval, from as many realisations as its
+    width needs, 8 to 64 (some seconds to two minutes). A remark warns where it has little meaning. --data LOG adds the
+    smallest errors that a model can reach on that log of hmtb simulate if it knows only commands and measurements; a
+    line below the table says how far chance may take a model below them.
 
     With --maps it shows how the truth varies over workspace, payload, supply pressure, oil temperature, amplitude and
     friction. It writes a page, figures and tables into a folder: about a minute and a half of one core for the nominal
@@ -87,6 +89,8 @@ def truth(
         oil_temperature: Temperature of the oil, degrees Celsius; 40 when not given.
         process_noise: Noise in the valve drives as a fraction of each joint's rated torque, 0 when not given; with it
             the true noise model is computed too.
+        load_flow_slope: Slope of the valves' load-flow line over that of the straight line from no-load flow to stall,
+            which is assumed when not given (1); near the null of a spool it is a few percent.
         bla: Amplitude (root mean square) of the best linear approximation of the studied joints, rad.
         data: A log of hmtb simulate (.nc); it defines arm, conditions and pose, and no option may contradict them.
         maps: Make the maps.
@@ -111,6 +115,7 @@ def truth(
         "supply_pressure": supply_pressure,
         "oil_temperature": oil_temperature,
         "process_noise": process_noise,
+        "load_flow_slope": load_flow_slope,
     }
     stated = {"variant": variant, "payload": payload, "pose": pose, **conditions}
     stated = {name: value for name, value in stated.items() if value is not None}
@@ -213,7 +218,7 @@ def _with_best_linear(summary: "TruthSummary", rms: float, seed: int, threads: i
     multisines = Multisines(rms=rms, realisations=best_linear.REALISATIONS, seed=seed)
     with progress("best linear approximation") as bar:
         approximations = best_linear.measured_best_linear(
-            summary.arm, summary.truth.pose, multisines, threads=threads, progress=bar
+            summary.arm, summary.truth.pose, multisines, as_needed=True, threads=threads, progress=bar
         )
     return replace(summary, best_linear=approximations)
 

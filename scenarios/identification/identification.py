@@ -31,13 +31,12 @@ from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
 from sysid.records.data import complete_parts
 from sysid.records.errors import Message, reworded
-from sysid.records.excited_band import excited_band
+from sysid.records.excited_band import excited_band, lowest_strong_line
 from sysid.records.resolution import resolution
 from sysid.validation.command_baseline import CommandBaseline, command_baseline
 from sysid.validation.input_independence import LIMIT, input_independence
 from sysid.validation.model_error import ModelError, model_error
 from sysid.validation.nonlinearity import NonlinearityTest, nonlinearity
-from sysid.validation.simulation_lines import lowest_strong_line
 from sysid.validation.slow_response import SlowResponse, slow_response
 from sysid.validation.structure_scan import Order
 
@@ -63,7 +62,10 @@ SURELY = 1e-3
 """p-value below which a residual test fails for sure."""
 
 GRID = 60
-"""Frequencies at which intervals with distortion and order are drawn."""
+"""Frequencies at which intervals with distortion and order are computed."""
+
+BELOW = 0.2
+"""Lowest of them but 0 Hz, relative to the lowest strong line of the input."""
 
 DRAWN = 2000
 """Samples of measured and model outputs that are drawn, of longer records the first."""
@@ -159,8 +161,8 @@ class Identification:
         agreement: Whether the runs that the model is of have one response; None of one run.
         test_of_all: Residual test of a model that was estimated again, on all samples, where `test` fails.
         slow: What the simulation errors tell of slow parts of the response, path by path, on the records of the fit.
-        error: Gains with intervals for the best linear system, on the records of the fit; None of models without a
-            gain that could be compared.
+        error: Gains with intervals for the best linear system at 0 Hz and over the band of the input, on the records of
+            the fit; None of models without a gain that could be compared.
     """
 
     fitted: FittedModel
@@ -285,6 +287,9 @@ class Identification:
             "with_distortion_and_order": list(error.interval),
             "p_values": error.p_values,
             "reasons": list(error.reasons),
+            "strong_line_hz": error.strong_line,
+            "bandwidth": _bandwidth_record(error.bandwidth()),
+            "bandwidth_from_strong_line": _bandwidth_record(error.bandwidth(error.strong_line)),
         }
 
 
@@ -559,19 +564,29 @@ def identify(
     )
 
 
+def _bandwidth_record(band: Bandwidth) -> dict[str, object]:
+    """Bandwidths with the ends of their intervals (ny, nu) each, Hz."""
+    return {"hz": band.hz, "ci95": list(band.ci95)}
+
+
 def _gains_with_error(fitted: FittedModel) -> ModelError | None:
-    """Gains with intervals for the best linear system, at the lowest strong line and at the bandwidths of a model.
+    """Gains with intervals for the best linear system: at 0 Hz, over the band of the input, and at bandwidths.
 
     None of unstable models and integrators, and of impulse responses, whose coefficients are as free as any error.
     """
     if fitted.is_unstable or fitted.integrates.any() or fitted.estimate.method == "impulseest":
         return None
-    frequencies = [lowest_strong_line([part.scored for part in fitted.parts])]
-    for claims in fitted.claims:
-        frequencies += [claim.hz for claim in claims if np.isfinite(claim.hz)]
+    parts = fitted.parts
+    line = lowest_strong_line([part.scored for part in parts])
+    highest = max(excited_band(part, input=j)[1] for part in parts for j in range(part.nu))
+    nyquist = 0.5 / parts[0].dt
+    # Below the line, a bandwidth relative to 0 Hz may lie; from it on, one relative to the gain there.
+    over_band = np.geomspace(BELOW * line, max(highest, 2.0 * line), GRID)
+    of_claims = [claim.hz for claims in fitted.claims for claim in claims if np.isfinite(claim.hz)]
+    frequencies = np.unique(np.minimum([0.0, line, *over_band, *of_claims], nyquist))
     with suppress(SysidError), warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
-        return model_error(fitted.estimate, fitted.parts, np.unique(frequencies))
+        return model_error(fitted.estimate, parts, frequencies)
     return None
 
 
@@ -790,18 +805,6 @@ def spectral_analysis(parts: Sequence[IOData]) -> FrequencyResponse | None:
     return None
 
 
-def _error_to_draw(result: Identification) -> ModelError | None:
-    """Intervals with distortion and order at frequencies that the input excites; None where noise explains all."""
-    error, parts = result.error, result.fitted.parts
-    if error is None or not error.is_wider.any():
-        return None
-    highest = max(excited_band(part, input=j)[1] for part in parts for j in range(part.nu))
-    f = np.geomspace(error.frequencies[0], max(highest, 2.0 * error.frequencies[0]), GRID)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", sysid.SysidWarning)
-        return model_error(result.fitted.estimate, parts, np.minimum(f, 0.5 / parts[0].dt))
-
-
 def figures(result: Identification) -> Mapping[str, "Figure"]:
     """Draw a model and the records behind it.
 
@@ -810,7 +813,7 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     """
     from sysid import plots
 
-    model, checked = result.fitted.estimate, result.checked
+    model, checked, error = result.fitted.estimate, result.checked, result.error
     longest = max(range(len(checked)), key=lambda k: len(checked[k]))
     fit = result.fit.by_experiment[longest] if result.fit.by_experiment else result.fit
     record, parts = checked[longest], result.fitted.parts
@@ -828,7 +831,7 @@ def figures(result: Identification) -> Mapping[str, "Figure"]:
     drawings = {
         "record": plots.record(parts),
         "outputs": outputs,
-        "bode": plots.bode(responses, error=_error_to_draw(result)),
+        "bode": plots.bode(responses, error=error if error is not None and error.is_wider.any() else None),
         "step": plots.step(model),
         "roots": plots.pzmap(model),
     }

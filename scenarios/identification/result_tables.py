@@ -19,7 +19,7 @@ from scenarios.identification.identification import (
     without_python_advice,
 )
 from scenarios.identification.run_agreement import RunAgreement
-from sysid import Estimate, IOData, ResidualTest, StructureChoice
+from sysid import Bandwidth, Estimate, IOData, ResidualTest, StructureChoice
 from sysid.models.bandwidth import BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
 from sysid.models.frequency_response import NORMAL_95
@@ -452,8 +452,8 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         *_operating_point_rows(fitted, unit),
         *_fit_rows(result, first.output_names or ()),
         *_baseline_rows(result.baseline),
-        *_bandwidth_rows(fitted),
-        *_error_rows(result.error),
+        *_bandwidth_rows(fitted, result.error),
+        *_error_rows(fitted, result.error),
         *_response_rows(fitted),
         *_noise_rows(fitted.estimate, unit),
         *_residual_rows(result),
@@ -519,7 +519,8 @@ def _fit_rows(result: Identification, outputs: Sequence[str]) -> list[tuple[str,
     return rows
 
 
-def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
+def _bandwidth_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str, str]]:
+    """Bandwidth and gain at 0 Hz of every path; where noise does not explain the errors, from the strong lines too."""
     first = fitted.parts[0]
     gain = fitted.gain
     inputs, outputs = first.input_names or (), first.output_names or ()
@@ -527,33 +528,65 @@ def _bandwidth_rows(fitted: FittedModel) -> list[tuple[str, str]]:
     for i, claims in enumerate(fitted.claims):
         for j, claim in enumerate(claims):
             path = f", {inputs[j]} → {outputs[i]}" if gain.size > 1 else ""
-            rows.append((f"bandwidth (-3 dB){path}", _bandwidth_in_words(claim)))
+            is_wider = error is not None and bool(error.is_wider[i])
+            words = _bandwidth_in_words(claim)
+            if error is not None and is_wider and isfinite(claim.hz):
+                words += f" from the parameters, {_ends_in_words(error.bandwidth(), i, j)} with distortion and order"
+            rows.append((f"bandwidth (-3 dB){path}", words))
+            if error is not None and is_wider:
+                rows += _bandwidth_from_line(error, i, j, path)
             rows.append((f"gain at 0 Hz{path}", _gain_in_words(gain[i, j])))
     return rows
 
 
-def _error_rows(error: ModelError | None) -> list[tuple[str, str]]:
-    """Gains with both intervals where noise does not explain the errors of the simulation, and why."""
+def _bandwidth_from_line(error: ModelError, output: int, input: int, path: str) -> list[tuple[str, str]]:
+    """The bandwidth below the gain at the lowest strong line, for which no gain at 0 Hz is extrapolated."""
+    line = error.strong_line
+    band = error.bandwidth(line)
+    hz = float(band.hz[output, input])
+    if not isfinite(hz):
+        return []
+    ends = _ends_in_words(band, output, input)
+    name = f"-3 dB from the gain at {line:.3g} Hz{path}"
+    return [
+        (name, f"{hz:.4g} Hz, 95 % interval {ends} with distortion and order; the input is weak below {line:.3g} Hz")
+    ]
+
+
+def _ends_in_words(band: Bandwidth, output: int, input: int) -> str:
+    """Ends of the interval of a bandwidth with unit; where the record does not tell an end, the other one."""
+    low, high = (float(end[output, input]) for end in band.ci95)
+    if not isfinite(low):
+        return "unknown"
+    if not isfinite(high):
+        return f"{low:.3g} Hz or more" if low > 0.0 else "unknown"
+    return f"{low:.3g} to {high:.3g} Hz" if low > 0.0 else f"at most {high:.3g} Hz"
+
+
+def _error_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str, str]]:
+    """Gains and bandwidths with both intervals where noise does not explain the errors of the simulation, and why."""
     if error is None:
         return []
     rows = []
     for i, output in enumerate(error.output_names):
         if not error.is_wider[i]:
             continue
-        for j, k in np.ndindex(len(error.input_names), len(error.frequencies)):
-            path = f", {error.input_names[j]} → {output}" if error.gain[0].size > 1 else ""
-            by_noise = _interval_in_words(error.noise_alone, k, i, j)
-            in_all = _interval_in_words(error.interval, k, i, j)
-            name = f"gain at {error.frequencies[k]:.3g} Hz{path}"
-            intervals = f"95 %: {by_noise} by noise alone, {in_all} with distortion and order"
-            rows.append((name, f"{_gain_in_words(error.gain[k, i, j])} ({intervals})"))
+        for j, input in enumerate(error.input_names):
+            path = f", {input} → {output}" if error.gain[0].size > 1 else ""
+            shown = {error.strong_line, *(claims[j].hz for claims in fitted.claims)}
+            for k in np.flatnonzero(np.isin(error.frequencies, list(shown))).tolist():
+                by_noise = _interval_in_words(error.noise_alone, (k, i, j))
+                in_all = _interval_in_words(error.interval, (k, i, j))
+                name = f"gain at {error.frequencies[k]:.3g} Hz{path}"
+                intervals = f"95 %: {by_noise} by noise alone, {in_all} with distortion and order"
+                rows.append((name, f"{_gain_in_words(error.gain[k, i, j])} ({intervals})"))
         rows.append(("errors of the simulation", error.reasons[i]))
     return rows
 
 
-def _interval_in_words(interval: tuple[FloatArray, FloatArray], k: int, output: int, input: int) -> str:
+def _interval_in_words(interval: tuple[FloatArray, FloatArray], at: tuple[int, int, int]) -> str:
     """Ends of the interval of a gain."""
-    low, high = (float(end[k, output, input]) for end in interval)
+    low, high = (float(end[at]) for end in interval)
     return f"{low:.3g} to {high:.3g}" if isfinite(low) else "unknown"
 
 

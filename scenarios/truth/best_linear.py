@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,13 @@ from sysid.models.bandwidth import response_bandwidth
 from sysid.records.arrays import FloatArray, Locked
 
 REALISATIONS = 8
-"""Realisations that suffice for a joint: four seconds of one core, intervals of one or two percent."""
+"""Realisations that suffice for a joint that slides: four seconds of one core, intervals of one or two percent."""
+
+MOST = 64
+"""Most realisations that an interval may take: half a minute of one core."""
+
+NARROW = 1.2
+"""Factor between the ends of a bandwidth's interval that is narrow enough."""
 
 SLOWEST = 0.3
 """Lines up to this frequency tell the gain at low frequency, Hz."""
@@ -147,12 +153,63 @@ def best_linear(
     # A string is a sequence too, of letters.
     elif isinstance(measured, str) or not isinstance(measured, Sequence) or not 0 < len(measured) == len(set(measured)):
         raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
+    logs, seconds = _simulated(experiments, threads)
+    return approximated(experiments, logs, measured, physics_seconds=seconds, origin=_origin(setting))
+
+
+def best_linear_as_needed(
+    setting: Experiment,
+    multisines: Multisines,
+    *,
+    narrow: float = NARROW,
+    most: int = MOST,
+    threads: int | None = None,
+) -> BestLinearTruth:
+    """Measure as `best_linear` with as many realisations as the interval of the bandwidth needs.
+
+    Their number is doubled until the ends of the 95 % interval differ by no more than a factor; the first ones are
+    those of `best_linear`. Where no bandwidth shows, it is not.
+
+    Args:
+        setting: See `best_linear`; one axis.
+        multisines: The excitation class, with the number to begin with.
+        narrow: The factor.
+        most: Largest number of realisations.
+        threads: Threads for the physics; all processors by default.
+
+    Raises:
+        ScenarioError: See `best_linear`.
+        TwinError: See `best_linear`.
+        SysidError: See `best_linear`.
+    """
+    logs: list[JointLog] = []
+    seconds, count = 0.0, multisines.realisations
+    while True:
+        # The first realisations of a larger number are those of a smaller one, phases and noise.
+        experiments = multisine_experiments(setting, replace(multisines, realisations=count))
+        more, more_seconds = _simulated(experiments[len(logs) :], threads)
+        logs += more
+        seconds += more_seconds
+        found = approximated(experiments, logs, setting.axes, physics_seconds=seconds, origin=_origin(setting))
+        _, low, high = found.bandwidth.path()
+        # An end that is NaN is no interval that more realisations would narrow.
+        if not high > narrow * low or 2 * count > most:
+            return found
+        count *= 2
+
+
+def _simulated(experiments: Sequence[MultisineExperiment], threads: int | None) -> tuple[list[JointLog], float]:
+    """The logs of experiments, and the wall time in the physics, s."""
     result = simulate(experiments, threads=threads)
     # A mean over the realisations that are left would be another estimate than the one asked for.
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
-    origin = {"setting": setting.name, "seed": str(setting.seed)}
-    return approximated(experiments, result, measured, physics_seconds=result.physics_seconds, origin=origin)
+    return list(result), result.physics_seconds
+
+
+def _origin(setting: Experiment) -> dict[str, str]:
+    """What the provenance says of an experiment."""
+    return {"setting": setting.name, "seed": str(setting.seed)}
 
 
 def measured_best_linear(
@@ -161,6 +218,7 @@ def measured_best_linear(
     multisines: Multisines,
     *,
     chain: Chain | None = None,
+    as_needed: bool = False,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, BestLinearTruth]:
@@ -171,6 +229,7 @@ def measured_best_linear(
         pose: Keyframe about which it moves.
         multisines: The excitation class; its seed draws the noise too.
         chain: The chain of signals; by default as the laboratory records.
+        as_needed: Take as many realisations as the interval of a bandwidth needs, see `best_linear_as_needed`.
         threads: Threads for the physics; all processors by default.
         progress: Called with the joints done and those in all.
 
@@ -190,7 +249,8 @@ def measured_best_linear(
             chain=chain or Chain(),
             seed=multisines.seed,
         )
-        approximations[joint] = best_linear(setting, multisines, threads=threads)
+        measure = best_linear_as_needed if as_needed else best_linear
+        approximations[joint] = measure(setting, multisines, threads=threads)
         if progress is not None:
             progress(len(approximations), len(STUDIED_JOINTS))
     return approximations

@@ -10,7 +10,7 @@ from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_TIME, joint_index
 from hmtb_twin.run.experiment_row import experiment_arm, prepare
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
-from scenarios.truth.best_linear import REALISATIONS, best_linear, cautions
+from scenarios.truth.best_linear import MOST, REALISATIONS, best_linear_as_needed, cautions
 from sysid import FrequencyResponse, IOData
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.records.arrays import FloatArray
@@ -95,11 +95,11 @@ def best_linear_of_test(
         threads: Threads for the physics.
 
     Raises:
-        ScenarioError: See `scenarios.truth.best_linear.best_linear`.
+        ScenarioError: See `scenarios.truth.best_linear.best_linear_as_needed`.
     """
     commands = [record.u[:, 0] for record in records]
     base, multisines, wanted_rms = multisine_like(setting, commands, seed=seed, realisations=REALISATIONS)
-    approximation = best_linear(base, multisines, threads=threads)
+    approximation = best_linear_as_needed(base, multisines, threads=threads)
     response = approximation.servo.response
     hz, low, high = approximation.bandwidth.path()
     truth = linearize(experiment_arm(base), setting.pose, amplitudes=())
@@ -113,7 +113,7 @@ def best_linear_of_test(
         command_rms=float(approximation.command_rms[0]),
         f_max=multisines.f_max,
         f_min=float(response.frequencies[0]),
-        realisations=REALISATIONS,
+        realisations=approximation.experiment.multisines.realisations,
         slewing=approximation.slewing,
         distortion_percent=float(approximation.distortion_percent[0]),
         physics_s=approximation.physics_seconds,
@@ -153,8 +153,8 @@ def multisine_like(
     previous: tuple[float, float] | None = None
     for _ in range(ROUNDS):
         current = replace(target, rms=rms)
-        # Random phases: each realisation has a peak of its own, and the converter must play them all.
-        peak = max(float(np.abs(current.offsets(r)).max()) for r in range(realisations))
+        # Random phases: each realisation has a peak of its own, and the converter must play all that may be needed.
+        peak = max(float(np.abs(current.offsets(r)).max()) for r in range(max(realisations, MOST)))
         largest = ROOM * rms * BOARD.dac_range * base.hand_controller.gain / peak
         if rms > largest:
             rms, current = largest, replace(target, rms=largest)

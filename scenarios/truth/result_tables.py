@@ -104,9 +104,12 @@ def _innovations_note(summary: TruthSummary) -> str:
 def _best_linear_notes(summary: TruthSummary) -> list[str]:
     """How the best linear approximations were measured, and where they say little."""
     multisines = next(iter(summary.best_linear.values())).experiment.multisines
+    counts = []
+    for name, approximation in summary.best_linear.items():
+        counts.append(f"{approximation.experiment.multisines.realisations} of {name}")
     notes = [
         f"Best linear: {multisines.rms:g} rad rms, {multisines.f_min:g} to {multisines.f_max:g} Hz, each joint alone, "
-        f"{multisines.realisations} realisations; friction, velocity limit and noise on"
+        f"as many realisations as its interval needs, {', '.join(counts)}; friction, velocity limit and noise on"
     ]
     for name, approximation in summary.best_linear.items():
         remarks = cautions(approximation, summary.truth)

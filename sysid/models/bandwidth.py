@@ -12,7 +12,7 @@ from sysid.models.frequency_response import FrequencyResponse
 from sysid.models.state_space import StateSpace
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
-from sysid.records.excited_band import excited_band, hann_power, hann_window, not_leakage
+from sysid.records.excited_band import excited_band, hann_power, hann_window, lowest_strong_line, not_leakage
 
 HALF_POWER = float(np.sqrt(0.5))  # gain 0.707: half the power of a response of gain one
 
@@ -183,7 +183,9 @@ def bandwidth_claim(
     if len(poles) and np.abs(poles - 1.0).min() < INTEGRATES:
         objections.append("the model has a pole at one: it integrates, so it has no gain at 0 Hz and no bandwidth")
     elif np.isfinite(hz):
-        objections += _bandwidth_objections((hz, low, high), record, lowest)
+        objections += _bandwidth_objections((hz, low, high), record, lowest) or _below_strong_lines(
+            estimate, record, hz
+        )
         highest = _highest_excited(estimate, (record, *judged), output, input, hz)
         of_lines = _highest_line((record, *judged), input)
         if hz > max(highest, BEYOND_LINES * of_lines):
@@ -240,6 +242,22 @@ def _bandwidth_objections(bandwidth: tuple[float, float, float], record: IOData,
             f"{lowest:.2g} Hz"
         )
     return objections
+
+
+def _below_strong_lines(estimate: Estimate, record: IOData, hz: float) -> list[str]:
+    """The objection to a bandwidth below the strong lines of an input, with which errors of the model repeat.
+
+    Such a model is not exact, as with friction or too low an order: it follows strong lines, at others it is free.
+    """
+    if "covariance_of_independent_errors" not in estimate.diagnostics:
+        return []
+    line = lowest_strong_line([record.scored])
+    if hz >= line:
+        return []
+    return [
+        f"the bandwidth is not determined: it is {hz:.2g} Hz in the model, below the lowest strong line of the input, "
+        f"{line:.2g} Hz, and errors that repeat with the input show that the model is not exact there"
+    ]
 
 
 def _highest_excited(estimate: Estimate, records: Sequence[IOData], output: int, input: int, enough: float) -> float:

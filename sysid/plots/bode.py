@@ -145,7 +145,8 @@ def _draw(upper: Axes, lower: Axes, curve: Curve, reference: FrequencyResponse |
 def _draw_error(upper: Axes, error: ModelError, i: int, j: int) -> None:
     """Ends of the interval with distortion and order, where the record tells it."""
     f = error.frequencies
-    keep = f > 0.0
+    # Below the strong lines of the input nothing is measured.
+    keep = (f > 0.0) & (f >= error.strong_line)
     for end, label in zip(error.interval, ("95 % with distortion and order", None), strict=True):
         line(upper, f[keep], decibel(end[keep, i, j]), BOUND, label)
 

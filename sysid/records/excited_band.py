@@ -1,9 +1,13 @@
 """Band of frequencies that an input excites: windowed spectra over the whole record, its ends included."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import scipy
 
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
+from sysid.records.repetition import repetitions
 
 LINE = 1e-3  # a line excites if it has this part of the strongest line's power; weaker ones are noise and leakage
 FLOOR = 1e-2  # a broad floor of weak lines excites too if it has this part of the total power
@@ -13,6 +17,8 @@ TAPERS = 5  # sine tapers of the spectrum that sees the ends of a record
 TAPERED = 1e-2  # as LINE, of the tapered spectrum: its own leakage falls with the fourth power of the distance alone
 COHERENT = 30.0  # leakage of several lines that add up in phase, over the sum of their powers
 REACH = 5  # lines over which the tapers spread a line down to that level
+STRONG = 0.25  # power of a line, relative to the strongest, from which on a model of too low an order follows it
+NEIGHBOURS = 7  # lines of a random input over which its power is averaged
 
 
 def excited_band(record: IOData, *, input: int = 0) -> tuple[float, float]:
@@ -99,3 +105,29 @@ def _outermost_peaks(power: FloatArray) -> tuple[int, int]:
     start = max(high - RESOLVED, 0)
     high = start + int(np.argmax(power[start : high + 1]))
     return low, high
+
+
+def lowest_strong_line(experiments: Sequence[IOData]) -> float:
+    """Lowest frequency at which every input has a fair share of the power of its strongest line, Hz."""
+    lowest = 0.0
+    groups = repetitions(experiments)
+    for j in range(experiments[0].nu):
+        of_input = []
+        if groups:
+            for group in groups:
+                mean = group.folded([e.u[:, [j]] for e in experiments]).mean(axis=0)[:, 0]
+                power = np.abs(scipy.fft.rfft(mean)) ** 2
+                of_input.append(_first_strong(power) / (group.period * experiments[0].dt))
+        else:
+            for e in experiments:
+                power = np.abs(scipy.fft.rfft(e.u[:, j])) ** 2
+                # single lines of a random input may be weak by chance
+                power[1:] = scipy.ndimage.uniform_filter1d(power[1:], NEIGHBOURS, mode="nearest")
+                of_input.append(_first_strong(power) / (len(e) * e.dt))
+        lowest = max(lowest, min(of_input))
+    return lowest
+
+
+def _first_strong(power: FloatArray) -> int:
+    """Number of the first line, without that at 0 Hz, of at least `STRONG` of the power of the strongest (n,)."""
+    return 1 + int(np.argmax(power[1:] >= STRONG * power[1:].max(initial=0.0)))

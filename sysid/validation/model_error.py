@@ -8,13 +8,15 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.models.estimate import Estimate, as_estimate
+from sysid.models.bandwidth import HALF_POWER
+from sysid.models.estimate import Bandwidth, Estimate, as_estimate
 from sysid.models.predict import predict
 from sysid.models.repeated_errors import LEVEL, RepeatedErrors, repeated_errors
 from sysid.records.arguments import frequency_list
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
 from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
 from sysid.validation.simulation_lines import (
@@ -45,6 +47,7 @@ class ModelError(Locked):
         p_values: Of the hypothesis that noise explains the errors of the simulation, per output (ny,).
         repeated: The periods of the input and what of the simulation errors repeats with them, per output; None where
             the input does not repeat.
+        strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
         input_names: One name per input.
         output_names: One name per output.
     """
@@ -55,6 +58,7 @@ class ModelError(Locked):
     interval: tuple[FloatArray, FloatArray]
     p_values: FloatArray
     repeated: tuple[RepeatedErrors | None, ...]
+    strong_line: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
 
@@ -67,6 +71,37 @@ class ModelError(Locked):
     def reasons(self) -> tuple[str, ...]:
         """Why the intervals are wider than noise alone makes them, and which experiment would tell more, per output."""
         return tuple(self._reason(i) for i in range(len(self.output_names)))
+
+    def bandwidth(self, reference: float | None = None) -> Bandwidth:
+        """First frequency at which each gain is 3.01 dB below that at a reference (ny, nu), Hz, between `frequencies`.
+
+        At the lowest strong line as reference no gain at 0 Hz is extrapolated. The interval is where a gain within
+        `interval` may cross: from the frequency at which the lower end has fallen by that much from the upper end at
+        the reference, to that at which the upper end has from the lower one. It holds more often than each of them. NaN
+        where a crossing lies above the last frequency, or the input has too few lines to tell.
+
+        Args:
+            reference: One of `frequencies`, Hz; the first by default.
+
+        Raises:
+            SysidError: The reference is none of the frequencies.
+        """
+        f = self.frequencies
+        at = f[0] if reference is None else reference
+        rows = np.flatnonzero(f >= at)
+        if not len(rows) or f[rows[0]] != at:
+            raise SysidError(
+                f"reference: expected one of the {len(f)} frequencies, {f[0]:g} to {f[-1]:g} Hz, got {at:g}"
+            )
+        low, high = (end[rows] for end in self.interval)
+        gain = self.gain[rows]
+        hz, first, last = np.full((3, *gain.shape[1:]), np.nan)
+        for i, j in np.ndindex(hz.shape):
+            path = slice(None), i, j
+            hz[i, j] = _crossing(f[rows], gain[path], gain[0, i, j])
+            first[i, j] = _crossing(f[rows], low[path], high[0, i, j])
+            last[i, j] = _crossing(f[rows], high[path], low[0, i, j])
+        return Bandwidth(hz, (first, last))
 
     def _reason(self, output: int) -> str:
         name, p_value = self.output_names[output], self.p_values[output]
@@ -177,6 +212,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         interval=(low, high),
         p_values=p_values,
         repeated=tuple(repeated),
+        strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
     )
@@ -265,3 +301,17 @@ def _anchors(f: FloatArray, of_lines: FloatArray) -> FloatArray:
     if len(asked) <= ANCHORS:
         return asked
     return np.geomspace(asked[0], asked[-1], ANCHORS)
+
+
+def _crossing(f: FloatArray, gain: FloatArray, reference: float) -> float:
+    """First frequency in Hz at which a gain (nf,) has fallen by 3.01 dB from a reference, on logarithmic axes."""
+    level = HALF_POWER * reference
+    below = np.flatnonzero(gain < level)
+    if not len(below):
+        return float("nan")
+    k = int(below[0])
+    # an interval may begin at the first frequency, which at 0 Hz has no logarithm
+    if k == 0 or f[k - 1] == 0.0:
+        return float(f[k])
+    around = [k, k - 1]
+    return float(np.exp(np.interp(np.log(level), np.log(gain[around]), np.log(f[around]))))

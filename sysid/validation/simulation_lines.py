@@ -10,7 +10,7 @@ from sysid.models.delta_method import spread
 from sysid.models.estimate import Estimate
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
-from sysid.records.repetition import Repetition, repetitions
+from sysid.records.repetition import Repetition
 from sysid.validation.misfit_posterior import Lines
 
 STRONG = 0.05  # power of a line, relative to the strongest near it, from which on it tells anything of the response
@@ -130,32 +130,6 @@ def _output_lines(spectra: Spectra, estimate: Estimate, output: int) -> _OutputL
     changes = response_changes(estimate, f, output) * spectra.inputs[:, :, None]
     size = np.sqrt(np.sum(np.abs(g) ** 2, axis=1))
     return _OutputLines(f, spectra.inputs * g, spectra.errors, changes.sum(axis=1), size)
-
-
-def lowest_strong_line(experiments: Sequence[IOData]) -> float:
-    """Lowest frequency at which every input has a fair share of the power of its strongest line, Hz."""
-    lowest = 0.0
-    groups = repetitions(experiments)
-    for j in range(experiments[0].nu):
-        of_input = []
-        if groups:
-            for group in groups:
-                mean = group.folded([e.u[:, [j]] for e in experiments]).mean(axis=0)[:, 0]
-                power = np.abs(scipy.fft.rfft(mean)) ** 2
-                of_input.append(_first_strong(power) / (group.period * experiments[0].dt))
-        else:
-            for e in experiments:
-                power = np.abs(scipy.fft.rfft(e.u[:, j])) ** 2
-                # single lines of a random input may be weak by chance
-                power[1:] = scipy.ndimage.uniform_filter1d(power[1:], SPARE, mode="nearest")
-                of_input.append(_first_strong(power) / (len(e) * e.dt))
-        lowest = max(lowest, min(of_input))
-    return lowest
-
-
-def _first_strong(power: FloatArray) -> int:
-    """Number of the first line, without that at 0 Hz, of at least `STRONG` of the power of the strongest (n,)."""
-    return 1 + int(np.argmax(power[1:] >= STRONG * power[1:].max(initial=0.0)))
 
 
 def relative_lines(spectra: Spectra, estimate: Estimate, output: int) -> Lines:

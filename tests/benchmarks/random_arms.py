@@ -6,7 +6,8 @@ Every case draws, from its number alone:
 - servo `flow` or `torque` (electric drives: `torque`), friction `none`, `viscous`, `coulomb` or `lugre`;
 - over the whole ranges that `Plant` accepts: `friction_level` from 0.01 to 100 and `presliding` from its least value at
   that level to 0.1 rad, uniform in the logarithm; `supply_pressure` from 0.75 to 100 MPa likewise; `oil_temperature`
-  from 0 to 100 degrees Celsius, uniform;
+  from 0 to 100 degrees Celsius, uniform; in cases from number 400 on `load_flow_slope` from 0.02 to 1, uniform in the
+  logarithm, before them 1;
 - in every other case a specimen: all factors from 0.5 to 2, uniform in the logarithm, entries of `stretch`, `shear` and
   `shift` uniform within 0.3 either way;
 - the command: pseudo-random binary held for 1, 3 or 5 ticks, a multisine of 0.5, 1.5 and 3.5 Hz, or a step, of 0.5 to
@@ -28,7 +29,7 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin import JOINTS, PAYLOADS, VARIANTS, Plant, Specimen, TwinError, load_arm
-from hmtb_twin.parameters.plant import FRICTIONS, LEAST_PRESLIDING, STIFFEST
+from hmtb_twin.parameters.plant import FLATTEST, FRICTIONS, LEAST_PRESLIDING, STIFFEST
 from hmtb_twin.parameters.specimen import DEVIATIONS, LENGTHS, OIL
 from hmtb_twin.parameters.values import MOTIONS, POSES, SAMPLE_TIME
 from tests.benchmarks.tables import heading, options, row
@@ -37,6 +38,9 @@ from tests.independent_arm import IndependentArm
 
 SEED = 20261130
 TICKS = 75
+SLOPES_FROM = 400
+"""First number of the cases whose load-flow line is flatter than the straight one."""
+
 CLAIMED = 3e-6
 """Relative error that the pages name."""
 
@@ -46,7 +50,7 @@ def log_uniform(rng, lower, upper):
     return float(np.exp(rng.uniform(np.log(lower), np.log(upper))))
 
 
-def drawn_plant(rng, variant, noise):
+def drawn_plant(rng, variant, noise, number):
     """Plant over the ranges that it accepts; of an arm with electric drives without oil."""
     level = log_uniform(rng, 0.01, 100.0)
     presliding = log_uniform(rng, max(LEAST_PRESLIDING, STIFFEST * level), 0.1)
@@ -56,6 +60,8 @@ def drawn_plant(rng, variant, noise):
         "oil_temperature": float(rng.uniform(0.0, 100.0)),
     }
     friction = str(rng.choice(FRICTIONS))
+    if number >= SLOPES_FROM:
+        oil["load_flow_slope"] = log_uniform(rng, FLATTEST, 1.0)
     if variant == "flight":
         oil = {}
     return Plant(friction=friction, friction_level=level, presliding=presliding, process_noise=noise, **oil)
@@ -111,7 +117,7 @@ def drawn_case(number):
     while True:
         variant, payload, pose = (str(rng.choice(list(names))) for names in (VARIANTS, PAYLOADS, POSES))
         level = log_uniform(rng, 1e-4, 0.1) if number % 4 == 3 else 0.0
-        plant = drawn_plant(rng, variant, level)
+        plant = drawn_plant(rng, variant, level, number)
         specimen = drawn_specimen(rng, variant) if number % 2 else Specimen()
         try:
             arm = load_arm(variant, payload, plant=plant, specimen=specimen)
@@ -154,6 +160,7 @@ def show(cases):
         "of these, dry friction above it": [case for case in free if dry_friction(case) > 1.0],
         "of these, wrist roll excited": [case for case in free if case["joint"] == "wrist_roll"],
         "of these, another joint excited": [case for case in free if case["joint"] != "wrist_roll"],
+        "of these, flatter load-flow line": [case for case in free if case["load_flow_slope"] < 1.0],
         "at a limit, without noise": [case for case in cases if case["at_limit"] and not case["noise"]],
         "with process noise": [case for case in cases if case["noise"]],
     }
@@ -197,7 +204,7 @@ def in_words(case):
 
 def main():
     parser = options(__doc__)
-    parser.add_argument("--count", type=int, default=400, help="of cases, the first ones")
+    parser.add_argument("--count", type=int, default=500, help="of cases, the first ones")
     parser.add_argument("--out", type=Path, default=Path("build/random_arms.jsonl"), help="file of the results")
     asked = parser.parse_args()
     asked.out.parent.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ from scenarios import load
 from scenarios.experiments.campaign import Condition, campaign_scenario
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.experiments.preview import preview
-from scenarios.truth.best_linear import best_linear
+from scenarios.truth.best_linear import best_linear, best_linear_as_needed
 from scenarios.truth.bla_of_test import CLOSE, best_linear_of_test
 from sysid import IOData
 from sysid.frequency.bla import response_agreement
@@ -119,6 +119,22 @@ def test_any_single_joint_experiment_is_a_setting():
     assert approximation.provenance["multisines_rms"] == "0.01"
     assert approximation.small_signal.payload == "none"
     assert approximation.small_signal.specimen == scenario.specimen
+
+
+def test_as_many_realisations_are_taken_as_the_interval_needs():
+    rubbing = replace(YAW, chain=Chain())
+    few = Multisines(rms=0.01, realisations=2, period=5.1, f_min=0.2)
+    first, two = best_linear_as_needed(rubbing, few, most=2), best_linear(rubbing, few)
+    np.testing.assert_array_equal(first.servo.response.response, two.servo.response.response)
+    _, low, high = first.bandwidth.path()
+    # Wide enough: none is added.
+    assert best_linear_as_needed(rubbing, few, narrow=1.01 * high / low, most=8).experiment.multisines.realisations == 2
+    more = best_linear_as_needed(rubbing, few, narrow=1.0, most=9)
+    assert more.experiment.multisines.realisations == 8
+    # Those that were added are those of a measurement that takes all at once, phases and noise.
+    at_once = best_linear(rubbing, replace(few, realisations=8))
+    np.testing.assert_array_equal(more.servo.response.response, at_once.servo.response.response)
+    np.testing.assert_array_equal(more.chain.response.response, at_once.chain.response.response)
 
 
 ONCE = "measured = .* given, expected one or more of shoulder_roll, .* each once"
