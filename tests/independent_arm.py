@@ -95,9 +95,13 @@ class IndependentArm:
 
     Args:
         arm: The arm whose numbers are taken.
+
+    Attributes:
+        met_limit: Whether flow or torque has been at its limit since the last simulation began.
     """
 
     def __init__(self, arm: Arm) -> None:
+        self.met_limit = False
         names = [name for name in JOINTS if name not in VARIANTS[arm.variant].indexed]
         self.moving, self.count = [JOINTS.index(name) for name in names], len(names)
         drives, gains = [arm.drives[name] for name in names], [arm.gains[name] for name in names]
@@ -155,6 +159,7 @@ class IndependentArm:
         torque = self.kp * (ask - q) - self.kd * w
         Q = (self.F * torque + self.K * ahead + self.G * (torque + ahead)) / self.D
         Q += self.c * self.D * w - self.G * P - self.H * (P - slow)
+        self.met_limit |= bool((np.abs(Q) > self.largest).any() or (np.abs(P) > self.limit).any())
         Q = np.minimum(np.maximum(Q, -self.largest), self.largest)
         load = self.D * np.minimum(np.maximum(P, -self.limit), self.limit) - self.B * w
         out = np.zeros((5, self.count))
@@ -177,7 +182,7 @@ class IndependentArm:
             noise: Torque noise of the drives (N, 7), N m, held likewise.
             rtol: Relative tolerance of the integration.
         """
-        state, step = self.rest(command[0]), 1e-4
+        state, step, self.met_limit = self.rest(command[0]), 1e-4, False
         angles = np.zeros_like(command)
         for k, row in enumerate(command):
             ahead = self.feedforward(row) + (0.0 if noise is None else noise[k, self.moving])

@@ -22,10 +22,10 @@ from scenarios.files.errors import ScenarioError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from hmtb_twin import Plant
     from scenarios.control.campaign import IdentifiedPair
     from scenarios.control.runs import Law, Tested
     from scenarios.control.study import ControlResult
+    from scenarios.experiments.multisines import MultisineExperiment
 
 DEFAULT = ("reach", "rpcm", "siso-5-elbow_pitch", "multisine")
 """Scenarios when none is named."""
@@ -47,8 +47,8 @@ def control(
     method: Annotated[tuple[str, ...], tyro.conf.arg(metavar="following|adaptive|vrft|FILE.json ...")] = ("following",),
     reference: Annotated[str, tyro.conf.arg(metavar="VARIANT|MODEL.json")] = "flight",
     record: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
-    payload: Annotated[str, tyro.conf.arg(metavar="NAME")] = "rpcm",
-    friction_level: float = 1.0,
+    payload: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    friction_level: float | None = None,
     duration: float | None = None,
     seed: int = 0,
     seeds: int = 1,
@@ -66,8 +66,12 @@ def control(
     by the flight arm.
 
     The table shows the root mean square error over the joints against the reference model's answer to the requests of
-    the run itself, and in brackets against the simulated flight arm, whose own seals stick; the share of ticks at a
-    limit of rate or range; the largest contact force. A run is stable if its error is bounded and does not grow.
+    the run itself, and error without control over that with it; both in brackets against the simulated flight arm,
+    whose own joints stick; the share of ticks at a limit of rate or range; the largest contact force. A run is stable
+    if its error is bounded and does not grow.
+
+    A scenario runs as its file says. Its variant, payload, plant, specimen, pose and chain are those of the ground arm
+    that is identified too, with the unit at the worksite: scenarios of one call must agree in them.
 
     Without SCENARIO: reach (an operator in free space), rpcm (the exchange of the replacement unit), 20 s of a binary
     sequence of the thesis, and multisine, two minutes that show the response up to 3 Hz. docs/control.md says
@@ -83,8 +87,8 @@ def control(
         method: How the controller is designed, one or several; or the file of a design that --out wrote.
         reference: Arm or model file that the ground arm is made to answer like.
         record: Log (.nc) of the ground arm from which to identify it; all six joints must move.
-        payload: Payload of both arms: rpcm, none, ballast or mdm; at the worksite the operator takes the unit.
-        friction_level: Dry friction of the ground arm's seals, in multiples of the nominal.
+        payload: Payload of both arms instead of the scenario's: rpcm, none, ballast or mdm, not at the worksite.
+        friction_level: Dry friction of the ground arm's seals instead of the scenario's, in multiples of the nominal.
         duration: Length of each scenario but multisine instead of its own, s.
         seed: Draws excitation and noise of the identification; with several seeds, of the first run.
         seeds: Runs of each scenario, each with other noise and another operator.
@@ -94,14 +98,12 @@ def control(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    from dataclasses import replace
-
-    from hmtb_twin import VARIANTS, Plant
-    from scenarios.control.campaign import identification_experiment, identify_pair
+    from hmtb_twin import VARIANTS
+    from scenarios.control.campaign import identify_pair
     from scenarios.control.design import METHODS, designer
     from scenarios.control.result_tables import result_tables
     from scenarios.control.runs import run_scenarios
-    from scenarios.control.study import results, stress
+    from scenarios.control.study import changed_arms, results, stress
     from scenarios.experiments.waveform import check_seed, seed_range
 
     check_seed(seed)
@@ -110,18 +112,19 @@ def control(
         raise ScenarioError(f"--method: none given, expected {', '.join(METHODS)}, or files of --out")
     if len(designers) < len(method) or FILES_OF_OUT & designers.keys():
         raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
-    plant = Plant(friction_level=friction_level)
-    draws = _tested(scenarios, seed_range(seeds, seed), duration, plant, payload)
+    ground, draws = _tested(scenarios, seed_range(seeds, seed), duration, payload, friction_level)
     free = next((tested for tested in draws if not tested.worksite), None)
     if with_stress and free is None:
         raise ScenarioError("--with-stress given without a scenario in free space, expected one, as reach")
+    if with_stress and free is not None:
+        # Called for its errors: an arm that the scenario cannot have is refused before any simulation.
+        changed_arms(free)
     # A model from a file has no arm to simulate.
     arm = reference if reference in VARIANTS else None
     names = ("control.json", *(f"{name}.json" for name in designers))  # logs and figures come with these
     with optional_folder(out, *names, overwrite=overwrite) as folder:
         with progress("identification") as bar:
-            ground = record or replace(identification_experiment(seed=seed), payload=payload, plant=plant)
-            pair = identify_pair(seed, ground=ground, reference=reference, threads=threads, progress=bar)
+            pair = identify_pair(seed, ground=ground, record=record, reference=reference, threads=threads, progress=bar)
         laws = {name: design(pair) for name, design in designers.items()}
         with progress("runs") as bar:
             runs = run_scenarios(draws, laws, reference=arm, threads=threads, progress=bar)
@@ -143,35 +146,57 @@ def control(
         say_each("failed: ", _failures([*scored, *stressed]))
         say_each("written: ", files)
         if out is not None:
-            say_next("control", "reach", "--seeds", 5, "--method", *(out / f"{name}.json" for name in laws))
+            conditions = _options(payload, friction_level, record, reference)
+            designs = [out / f"{name}.json" for name in laws]
+            say_next("control", *(scenarios or DEFAULT)[:1], "--seeds", 5, *conditions, "--method", *designs)
     return 0
 
 
 def _tested(
-    scenarios: Sequence[str], seeds: Sequence[int], duration: float | None, plant: "Plant", payload: str
-) -> "list[Tested]":
-    """The runs: every scenario with every seed, on the ground arm in its conditions."""
+    words: Sequence[str],
+    seeds: Sequence[int],
+    duration: float | None,
+    payload: str | None,
+    friction_level: float | None,
+) -> "tuple[MultisineExperiment, list[Tested]]":
+    """The experiment that identifies the ground arm, and the runs: every scenario with every seed."""
     from dataclasses import replace
 
     from scenarios.control.campaign import frequency_test
+    from scenarios.control.ground_arm import identification_of, on_arm_of, with_options
     from scenarios.experiments.registry import selected
 
-    draws: list[Tested] = []
+    draws: list[Tested | int] = []
     for seed in seeds:
         # A single run has the noise of the scenario itself.
         scenario_seed = None if len(seeds) == 1 else seed
-        for word in scenarios or DEFAULT:
+        for word in words or DEFAULT:
             if word == MULTISINE:
-                draws.append(replace(frequency_test(seed), plant=plant, payload=payload))
+                draws.append(seed)
                 continue
             for scenario in selected([word], duration=duration, seed=scenario_seed):
                 # Of the default scenarios, a thesis waveform says all in a part of its four minutes.
-                is_shortened = not scenarios and duration is None and scenario.excitation
+                is_shortened = not words and duration is None and scenario.excitation
                 length = WAVEFORM_SECONDS if is_shortened else scenario.duration
-                # At the worksite the operator takes the unit himself.
-                held = scenario.payload if scenario.worksite else payload
-                draws.append(replace(scenario, plant=plant, payload=held, duration=length))
-    return draws
+                draws.append(with_options(replace(scenario, duration=length), payload, friction_level))
+    described = [scenario for scenario in draws if not isinstance(scenario, int)]
+    if not described:
+        described = [with_options(frequency_test(), payload, friction_level)]
+    ground = identification_of(described, seeds[0], payload)
+    # The frequency test describes no arm of its own: it runs on that of the scenarios.
+    tested = [on_arm_of(ground, frequency_test(draw)) if isinstance(draw, int) else draw for draw in draws]
+    return ground, tested
+
+
+def _options(payload: str | None, friction_level: float | None, record: Path | None, reference: str) -> list[object]:
+    """Words of the options that name the arms, without defaults."""
+    # Without them the next command would identify another arm than the design was made for.
+    values = {"payload": payload, "friction-level": friction_level, "record": record, "reference": reference}
+    words: list[object] = []
+    for name, value in values.items():
+        if value is not None and value != "flight":
+            words += [f"--{name}", value]
+    return words
 
 
 def _method_name(word: str) -> str:

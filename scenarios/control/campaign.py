@@ -68,7 +68,8 @@ def frequency_test(seed: int = 0) -> MultisineExperiment:
 def identify_pair(
     seed: int = 0,
     *,
-    ground: MultisineExperiment | Path | None = None,
+    ground: MultisineExperiment | None = None,
+    record: Path | None = None,
     reference: str | Path = "flight",
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -77,9 +78,10 @@ def identify_pair(
 
     Args:
         seed: Draws excitation and noise.
-        ground: Experiment on the ground arm, by default on the nominal one, or a file of a record in which all
-            controlled joints move.
-        reference: A variant, or a model file (`.json`) with the controlled joints in their order.
+        ground: Experiment on the ground arm, by default on the nominal one.
+        record: File of a record that stands for this experiment: of the same arm, all controlled joints moving.
+        reference: A variant, or a model file (`.json`) with the controlled joints in their order. The arm of a variant
+            has payload, pose and chain of `ground`, nominal plant and specimen.
         threads: Threads for the physics.
         progress: Called with the completed ticks and the total.
 
@@ -93,27 +95,25 @@ def identify_pair(
     ground = ground or identification_experiment(seed=seed)
     experiments: list[MultisineExperiment] = []
     records: list[IOData] = []
-    if isinstance(ground, Path):
-        # A file does not say what the arm carried: the payload of the exchange, as in all experiments by default.
-        payload = "rpcm"
-        records.append(_record_without_gaps(ground))
-    else:
-        payload = ground.payload
+    if record is None:
         experiments.append(ground)
+    else:
+        records.append(_record_without_gaps(record))
     if reference_model is None:
         # Another seed: two arms have other noise, and a record of each has its own phases.
-        experiments.append(replace(identification_experiment(str(reference), seed + 1), payload=payload))
+        of_reference = identification_experiment(str(reference), seed + 1)
+        experiments.append(replace(of_reference, payload=ground.payload, pose=ground.pose, chain=ground.chain))
     result = simulate(experiments, threads=threads, progress=progress)
     for name, reason in result.failed.items():
         raise ScenarioError(f"{name}: {reason}")
     records += [log.iodata(CONTROLLED) for log in result]
-    records = [record.detrend(0) for record in records]
+    records = [one_record.detrend(0) for one_record in records]
     if reference_model is None:
         model = _identified(records[-1], str(reference))
         # Position servos come to rest where they are commanded; dry friction hides a few thousandths of that gain in a
         # record, 1 mrad on moves of 0.5 rad.
         reference_model = replace(model, B=model.B @ np.linalg.inv(model.dc_gain()))
-    return IdentifiedPair(_identified(records[0], "nominal"), reference_model, records[0])
+    return IdentifiedPair(_identified(records[0], ground.variant), reference_model, records[0])
 
 
 def _record_without_gaps(path: Path) -> IOData:

@@ -27,7 +27,7 @@ def result_tables(scored: Sequence[ControlResult], stressed: Sequence[ControlRes
         scenario = result.runs.scenario
         rows.append([f"{scenario.name}, seed {scenario.seed}", *_error_cells(result)])
         response_rows += _response_rows(result)
-    title = "RMS error against the reference model (in brackets: against the simulated flight arm)"
+    title = "RMS error and factor against the reference model (in brackets: against the simulated reference arm)"
     tables = [ResultTable(title, columns, rows)]
     if response_rows:
         headings = ["scenario", "joint", "gain at 1 Hz", "phase at 1 Hz / °", "bandwidth / Hz"]
@@ -45,7 +45,7 @@ def _error_cells(result: ControlResult) -> list[str]:
     cells = [result.method, _millirad(without)]
     if controlled is None:
         return [*cells, "failed", "", "", "", ""]
-    factor, limited = f"{without.total / controlled.total:.2g}", f"{100 * controlled.limited:.2g}"
+    factor, limited = _factor(result), f"{100 * controlled.limited:.2g}"
     forces = "" if np.isnan(without.force) else f"{without.force:.0f} / {controlled.force:.0f}"
     stable = "yes" if controlled.stable else "NO"
     return [*cells, _millirad(controlled), factor, limited, forces, stable]
@@ -55,6 +55,12 @@ def _millirad(score: Score) -> str:
     """Error against the reference model, and against the simulated reference arm where it has run."""
     against_arm = f" ({MRAD * score.total_arm:.3g})" if np.isfinite(score.total_arm) else ""
     return f"{MRAD * score.total:.3g}{against_arm}"
+
+
+def _factor(result: ControlResult) -> str:
+    """Error without control over that with it: against the reference model, and against its simulated arm if it ran."""
+    against_arm = f" ({result.factor_arm:.2g})" if np.isfinite(result.factor_arm) else ""
+    return f"{result.factor:.2g}{against_arm}"
 
 
 def _response_rows(result: ControlResult) -> list[list[str]]:

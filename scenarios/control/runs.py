@@ -76,14 +76,22 @@ class ScenarioRuns:
 
     Attributes:
         scenario: The scenario.
-        logs: Logs of the runs that did not fail. The reference arm has none at the worksite, where the operator answers
-            to the arm and requests differ.
+        logs: Logs of the runs that did not fail. The reference arm has none where requests follow the arm; see
+            `has_common_requests`.
         failed: Reasons of the failures.
     """
 
     scenario: Tested
     logs: dict[str, JointLog]
     failed: dict[str, str]
+
+
+def has_common_requests(scenario: Tested) -> bool:
+    """Return whether all arms get the same requests, so that the simulated reference arm can be compared with.
+
+    At the worksite the operator answers to the arm, and after an emergency shutdown requests start where it stands.
+    """
+    return not scenario.worksite and not scenario.shutdown
 
 
 def run_scenarios(
@@ -94,7 +102,7 @@ def run_scenarios(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[ScenarioRuns, ...]:
-    """Run scenarios side by side without control, with each law, and in free space on the reference arm.
+    """Run scenarios side by side without control, with each law, and on the reference arm if it has the same requests.
 
     All runs of a scenario have the same seed, hence the same motion of an operator without view and the same noise.
 
@@ -121,8 +129,7 @@ def run_scenarios(
 
     for index, scenario in enumerate(scenarios):
         add(index, "without", scenario)
-        # At the worksite the operator answers to the arm: on another arm the requests would be others.
-        if reference is not None and not scenario.worksite:
+        if reference is not None and has_common_requests(scenario):
             on_reference = replace(scenario, variant=reference, plant=NOMINAL_PLANT, specimen=NOMINAL_SPECIMEN)
             add(index, "reference", on_reference)
         for law_name, law in laws.items():

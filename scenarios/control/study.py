@@ -3,9 +3,9 @@
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
-from hmtb_twin import Plant
 from scenarios.control.campaign import CONTROLLED, IdentifiedPair
 from scenarios.control.design import METHODS, wrong_model
 from scenarios.control.runs import Law, ScenarioRuns, Tested, run_scenarios
@@ -13,12 +13,27 @@ from scenarios.control.score import FREQUENCIES, Score, score
 from scenarios.files.errors import ScenarioError
 from sysid import SysidError
 
-CONDITIONS: Mapping[str, Mapping[str, Any]] = {
-    "payload none": {"payload": "none"},
-    "payload ballast": {"payload": "ballast"},
-    "payload mdm": {"payload": "mdm"},
-    # Eight times the nominal dry friction.
-    "worn seals": {"plant": Plant(friction_level=8.0)},
+WORN = 8.0
+"""Dry friction of worn seals over that of the scenario."""
+
+
+def _with_payload(scenario: Tested, payload: str) -> Tested:
+    """Return a scenario with another payload at the start."""
+    return replace(scenario, payload=payload)
+
+
+def _with_worn_seals(scenario: Tested) -> Tested:
+    """Return a scenario on an arm with `WORN` times its dry friction."""
+    # A multiple: seals that a file calls worn wear on, and eight times nothing stays nothing.
+    plant = scenario.plant
+    return replace(scenario, plant=replace(plant, friction_level=WORN * plant.friction_level))
+
+
+CONDITIONS: Mapping[str, Callable[[Tested], Tested]] = {
+    "payload none": partial(_with_payload, payload="none"),
+    "payload ballast": partial(_with_payload, payload="ballast"),
+    "payload mdm": partial(_with_payload, payload="mdm"),
+    "worn seals": _with_worn_seals,
 }
 """Changes of the arm behind the controller's back: laws and reference stay."""
 
@@ -51,6 +66,20 @@ class ControlResult:
     controlled: Score | None
     failed: str
 
+    @property
+    def factor(self) -> float:
+        """Error without control over that with it, against the reference model; NaN if the run failed."""
+        if self.controlled is None:
+            return float("nan")
+        return _ratio(self.without.total, self.controlled.total)
+
+    @property
+    def factor_arm(self) -> float:
+        """The same against the simulated reference arm, whose own joints stick; NaN if either did not run."""
+        if self.controlled is None:
+            return float("nan")
+        return _ratio(self.without.total_arm, self.controlled.total_arm)
+
     def record(self) -> dict[str, object]:
         """Return the result as plain values for JSON, angles in rad; None where the run failed."""
         controlled = self.controlled
@@ -67,6 +96,7 @@ class ControlResult:
         for name in ("total_arm", "force", "force_99"):
             record[f"{name}_without"] = getattr(self.without, name)
             record[f"{name}_with"] = None if controlled is None else getattr(controlled, name)
+        record["factor"], record["factor_arm"] = self.factor, self.factor_arm
         record["failed"] = self.failed
         record["frequencies_hz"] = FREQUENCIES
         record["joints"] = {joint: self._joint_record(channel) for channel, joint in enumerate(CONTROLLED)}
@@ -87,6 +117,11 @@ class ControlResult:
                 "reference": getattr(self.without.reference_response, name)[..., channel],
             }
         return record
+
+
+def _ratio(without: float, controlled: float) -> float:
+    """Error without control over that with it; infinite where control leaves none."""
+    return without / controlled if controlled else float("inf")
 
 
 def results(pair: IdentifiedPair, run: ScenarioRuns, laws: Mapping[str, tuple[str, str]]) -> tuple[ControlResult, ...]:
@@ -113,6 +148,22 @@ def results(pair: IdentifiedPair, run: ScenarioRuns, laws: Mapping[str, tuple[st
         failed = run.failed.get(name, "")
         scored.append(ControlResult(method, condition, run, scores["without"], scores.get(name), failed))
     return tuple(scored)
+
+
+def changed_arms(scenario: Tested) -> list[Tested]:
+    """Return a scenario on each of the arms of `CONDITIONS`.
+
+    Raises:
+        ScenarioError: The scenario cannot have one of them: more friction than the laboratory has, or a payload that
+            its own payload changes begin with.
+    """
+    changed: list[Tested] = []
+    for condition, change in CONDITIONS.items():
+        try:
+            changed.append(change(scenario))
+        except ValueError as error:
+            raise ScenarioError(f"stress test {condition!r}: {error}") from error
+    return changed
 
 
 def stress(
@@ -148,7 +199,7 @@ def stress(
             with suppress(SysidError):
                 wrong_laws[label] = METHODS[method](wrong_model(pair, **error))
                 wrong_law_labels[label] = method, condition
-    changed = [replace(scenario, **change) for change in CONDITIONS.values()]
+    changed = changed_arms(scenario)
     runs_on_changed_arms = run_scenarios(changed, laws, reference=reference, threads=threads, progress=progress)
     (runs_of_wrong_laws,) = run_scenarios(
         [scenario], wrong_laws, reference=reference, threads=threads, progress=progress

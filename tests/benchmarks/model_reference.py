@@ -160,7 +160,8 @@ def seed_results(seeds):
 
 
 def show_seeds(results):
-    heading("run", "reference", "without, mrad", "with, mrad", "least factor", "given the truth, mrad", "over truth")
+    columns = ("run", "reference", "without, mrad", "with, mrad", "factor", "least factor")
+    heading(*columns, "given the truth, mrad", "over truth")
     kinds = {
         "model": "its model",
         "true": "true linear flight",
@@ -177,7 +178,8 @@ def show_seeds(results):
             )
             if np.isfinite(none).all():
                 means = [f"{one.mean():.3g}" for one in (none, own, truth)]
-                row(name, words, *means[:2], f"{(none / own).min():.3g}", means[2], f"{own.mean() / truth.mean():.3g}")
+                factors = f"{none.mean() / own.mean():.2g}", f"{(none / own).min():.3g}"
+                row(name, words, *means[:2], *factors, means[2], f"{own.mean() / truth.mean():.3g}")
     for law in laws:
         forces = [entry["errors"][f"rpcm {law}"]["force"] for entry in results]
         print(f"largest contact force, median, {law}: {np.median(forces):.0f} N.")

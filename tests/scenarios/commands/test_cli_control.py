@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import sysid
-from hmtb_twin import JointLog, simulate
+from hmtb_twin import JointLog, Plant, Specimen, simulate
+from scenarios import load
 from scenarios.control.campaign import CONTROLLED, EXCITATION, identification_experiment, identify_pair
 from scenarios.control.design import METHODS, read_law, write_law, wrong_model
 from scenarios.control.study import CONDITIONS, WRONG
@@ -36,7 +37,7 @@ def test_results_designs_logs_and_figures(result, files, tmp_path):
     assert {one.rsplit(".", 1)[1] for one in done["files"]} == {"json", "nc", "png", "svg"}
     assert json.loads((out / "control.json").read_text())["runs"] == done["runs"]
     assert JointLog.load(out / "reach-0-following.nc").requested is not None
-    pair = identify_pair(ground=files[1], reference=files[3])
+    pair = identify_pair(record=files[1], reference=files[3])
     np.testing.assert_array_equal(read_law(out / "following.json").A, METHODS["following"](pair).A)
     np.testing.assert_array_equal(sysid.read_model(out / "model-reference.json").A, 0.9 * np.eye(6))
     ground = sysid.read_model(out / "model-ground.json")
@@ -45,6 +46,20 @@ def test_results_designs_logs_and_figures(result, files, tmp_path):
     np.testing.assert_allclose(np.diag(ground.dc_gain()), 1.0, atol=0.1)
     again = result("control", "reach", *files, "--duration", 6, "--method", out / "following.json")
     assert again["runs"] == done["runs"]
+
+
+@pytest.mark.slow
+def test_a_file_runs_on_its_own_arm_in_its_own_conditions(result, files, tmp_path):
+    conditions = {"plant": Plant(oil_temperature=60.0), "specimen": Specimen(payload_mass=1.1)}
+    mine = replace(load("reach", duration=4.0), payload="mdm", **conditions)
+    (tmp_path / "mine.toml").write_text(mine.to_toml())
+    result("control", tmp_path / "mine.toml", *files, "--out", tmp_path / "out")
+    log = JointLog.load(tmp_path / "out" / "reach-0-following.nc")
+    (alone,) = simulate([mine])
+    without = JointLog.load(tmp_path / "out" / "reach-0-without.nc")
+    np.testing.assert_array_equal(without.true_angles, alone.true_angles)
+    for name, value in {"payload": "mdm", "plant_oil_temperature": "60.0", "specimen_payload_mass": "1.1"}.items():
+        assert log.provenance[name] == without.provenance[name] == value
 
 
 @pytest.mark.thorough
@@ -67,6 +82,10 @@ def test_designs_of_files_stay_as_they_are(result, files, tmp_path):
         (("reach", "--method", "{two}"), "2 loops"),
         (("reach", "--method", "{taken}"), "none of a file of --out"),
         (("rpcm", "--with-stress"), "expected one, as reach"),
+        (("reach", "--with-stress", "--friction-level", 20), "'worn seals': plant: friction_level = 160.0 given"),
+        (("reach", "track-elbow_pitch"), "payload = rpcm and track-elbow_pitch with none given, expected one arm"),
+        (("track-elbow_pitch", "--payload", "rpcm"), "rpcm follows itself"),
+        (("every-joint",), "axes with shoulder_roll given"),
         (("reach", "--method", "none.json"), "expected a law of hmtb control --out: cannot read"),
         (("reach", "--method", "{reference}"), "expected a law of hmtb control --out (Controller, Adaptive"),
     ],
@@ -80,7 +99,7 @@ def test_what_is_refused(complaint, files, words, message, tmp_path):
 
 
 def test_a_wrong_model_answers_wrongly(files):
-    pair = identify_pair(ground=files[1], reference=files[3])
+    pair = identify_pair(record=files[1], reference=files[3])
     wrong = wrong_model(pair, gain=0.8, delay=2)
     late = np.exp(-2j * np.pi * 1.0 * 0.04)
     np.testing.assert_allclose(

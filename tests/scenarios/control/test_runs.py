@@ -8,6 +8,7 @@ import pytest
 import scenarios
 from hmtb_twin import JOINTS, Plant
 from scenarios.control.campaign import CONTROLLED, IdentifiedPair, frequency_test
+from scenarios.control.result_tables import result_tables
 from scenarios.control.runs import DeviationController, run_scenarios
 from scenarios.control.score import is_stable, request_of, score
 from scenarios.control.study import results
@@ -52,6 +53,23 @@ def test_a_run_that_failed_has_no_score(runs):
     (run,) = run_scenarios([weak], {})
     assert list(run.logs) == ["reference"]
     refused("reach fails without control: .* the drives cannot hold the arm", results, pair, run, {})
+
+
+def test_factors_stand_against_the_model_and_against_the_simulated_arm(runs):
+    pair, laws = IdentifiedPair(model(), model(), None), {"through": ("following", ""), "wild": ("adaptive", "")}
+    through, wild = results(pair, runs, laws)
+    assert through.factor == pytest.approx(1.0)
+    assert through.factor_arm == pytest.approx(1.0)
+    record = wild.record()
+    assert record["factor"] == wild.factor == wild.without.total / wild.controlled.total
+    assert record["factor_arm"] == wild.factor_arm == wild.without.total_arm / wild.controlled.total_arm
+    table, *_ = result_tables([wild], [])
+    assert f"{wild.factor:.2g} ({wild.factor_arm:.2g})" in table.rows[0]
+    # Without a run of the reference arm its factor is unknown, as at the worksite.
+    logs = {name: log for name, log in runs.logs.items() if name != "reference"}
+    (alone,) = results(pair, replace(runs, logs=logs), {"wild": ("adaptive", "")})
+    assert np.isnan(alone.factor_arm)
+    assert f"{alone.factor:.2g}" in result_tables([alone], [])[0].rows[0]
 
 
 def test_scores_of_a_run(runs):

@@ -16,6 +16,8 @@ def test_tables_and_chart_show_the_whole_record():
     assert page.count("<tr>") == 2 + len(record["runs"]) + 1 + len(CONDITIONS) + len(WRONG)
     first = record["runs"][0]
     assert f"{1e3 * first['rmse_with']:.3g}" in page
+    assert first["factor"] == first["rmse_without"] / first["rmse_with"]
+    assert f"{first['factor']:.2g} ({first['factor_arm']:.2g})" in page
     views = control_chart().views
     assert [key for (key,) in views] == list(dict.fromkeys(row["scenario"] for row in record["runs"]))
     for (panel,) in views.values():
