@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
+from sysid.models.repeated_errors import repeated_in_weighted_sum
 from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
@@ -22,8 +23,10 @@ from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.repetition import repetitions
 from sysid.records.singular_values import svd
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
+from sysid.recursive.error_weights import error_weights
 from sysid.recursive.initial_state import Channel, Start, has_stable_denominators, regressed_channels, starting_state
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
 
@@ -97,9 +100,24 @@ def recurse(
         messages=messages,
         repetition_counted=True,
     )
+    final = _count_repetition_once(final, data, recursion)
     return RecursiveEstimate(
         trajectory, orders.names, recursion.predicted, recursion.residuals, P, final, end, end.shortened
     )
+
+
+def _count_repetition_once(final: Estimate, data: IOData, recursion: "Recursion") -> Estimate:
+    """Widen the covariance of the last parameters where their errors repeat with the input of this record."""
+    if not repetitions([data]):
+        return final
+    weights = error_weights(recursion.gains, recursion.gradients)
+    errors = final.residuals[:, 0].copy()
+    errors[~weights.any(axis=1)] = 0.0
+    repeated = repeated_in_weighted_sum([data], [weights], [errors])
+    if repeated is None:
+        return final
+    diagnostics = {**repeated[1].diagnostics, "covariance_of_independent_errors": final.covariance}
+    return replace(final, covariance=final.covariance + repeated[0], diagnostics={**final.diagnostics, **diagnostics})
 
 
 def _adaptation_rule(origin: Start, default: Adaptation, adaptation: Adaptation | None) -> Adaptation:
@@ -124,6 +142,8 @@ class Recursion:
         theta: Present parameters (p,).
         predicted: Predictions so far (N, 1), NaN where there is none.
         residuals: Prediction errors so far (N, 1), zero where there is none.
+        gains: Gain of every step so far (N, p), zero where there is none.
+        gradients: Gradients psi, likewise.
     """
 
     def __init__(self, method: str, state: RecursiveState, channels: Sequence[Channel], data: IOData) -> None:
@@ -141,6 +161,7 @@ class Recursion:
         self._squares, self._weight, self._energy = state.squares, state.weight, state.energy
         self._steps, self._shortened = state.steps, state.shortened
         self.predicted, self.residuals = np.full((len(data), 1), np.nan), np.zeros((len(data), 1))
+        self.gains, self.gradients = np.zeros((2, len(data), len(self.theta)))
         self._error_limit = FAR * (float(np.abs(self._y).max()) or 1.0)
         self._memory_limit = WOUND_UP * (float(np.abs(self._memory).max()) or 1.0)
 
@@ -196,6 +217,7 @@ class Recursion:
         self._shortened += halvings > 0
         if halvings < HALVINGS:
             theta = theta + step
+            self.gains[t], self.gradients[t] = 0.5**halvings * gain, psi
         self.theta, self.predicted[t], self.residuals[t] = theta, predicted, error
         posterior_error = float(self._y[t] - phi @ theta)
         # for least squares, the sum of prior times posterior errors is the sum of squares of the whole fit
