@@ -19,6 +19,7 @@ from sysid.polynomial.data_checks import check_excitation, check_means
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.prediction_error import SIGNIFICANT, linearise
+from sysid.polynomial.rounding import rounding_messages
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -88,13 +89,18 @@ def recurse(
         )
         warnings.warn(messages[-1], SysidWarning, stacklevel=3)
     P = end.scaled_covariance
+    covariance = rule.covariance(P, end.energy / max(end.steps, 1), variance, end.steps)
+    if not (nonlinear or resumes or rule.forgets):
+        of_rounding = rounding_messages([data], orders, end.theta, covariance, variance)
+        warn_each(of_rounding, stacklevel=2)
+        messages += of_rounding
     final = make_estimate(
         method,
         [data],
         orders,
         orders.select(*order_values),
         theta=end.theta,
-        covariance=rule.covariance(P, end.energy / max(end.steps, 1), variance, end.steps),
+        covariance=covariance,
         variance=variance,
         diagnostics={"adaptation": rule, "shortened": end.shortened, "steps": end.steps, "left": left},
         messages=messages,
