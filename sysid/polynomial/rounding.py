@@ -18,9 +18,9 @@ def rounding_messages(
 ) -> list[str]:
     """Describe the bias that rounded outputs give an estimate of A by least squares.
 
-    Rounding to steps q is an error of variance q^2 / 12 of every output, which the equations of the past outputs do not
-    allow for: with R = covariance^-1 variance the sum of squared regressors, the estimate is off by
-    -R^-1 N q^2 / 12 (a1, ..., an, 0, ...)', whatever the noise of the equations is [Soderstrom1989, ch. 7].
+    Rounding to steps q is about white noise of variance q^2 / 12 in every output [Widrow2008], which the equations do
+    not allow for in past ones: with R the sum of the regressors' squares, variance / covariance, the estimate is off by
+    -R^-1 N q^2 / 12 (a1, ..., an, 0, ...)'.
 
     Args:
         experiments: The records of the fit, with one output.
