@@ -339,8 +339,8 @@ def nonparametric(fit: Fit, system: System, problem: Problem, has_noise=True):
         response = fit(data, before)
         k = int(np.argmin(np.abs(response.frequencies - HZ)))
         claims = response_claims(response, system.response([response.frequencies[k]])[0], k)
-        # errors that repeat are no disturbance of the spectrum that the system has
-        if has_noise and not problem.distorted:
+        # errors that repeat, or come of rounding, are no part of the spectrum that the system has
+        if has_noise and not (problem.distorted or problem.quantised):
             claims |= noise_claim(response, system, k)
         return claims
 
