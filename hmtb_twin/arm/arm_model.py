@@ -13,7 +13,7 @@ from hmtb_twin.hydraulics.drive_actuators import ORIFICE_STEP, add_linear_drives
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.servo_gains import ServoGains, servo_gains
+from hmtb_twin.parameters.servo_gains import ServoGains, gains_for_slope, servo_gains
 from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE, PIN, POSES, SAMPLE_TIME
 from hmtb_twin.parameters.variants import Variant, variant_named
@@ -89,7 +89,7 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
 
     Args:
         variant: The arm, with nominal oil.
-        plant: The servo law.
+        plant: The servo law, and the slope of the load-flow line.
 
     Raises:
         TwinError: Seals hold a joint of the variant through the smallest test, a command by 1 V.
@@ -98,7 +98,11 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
     inertia = np.diag(controller_model("rpcm", variant.name).inertia_matrix(np.array(POSES[OPERATING_POSE])))
     gains = {}
     for name, joint_inertia in zip(JOINTS, inertia, strict=True):
-        gains[name] = servo_gains(float(joint_inertia), variant.servos[name], variant.actuators[name], law)
+        drive = variant.actuators[name]
+        tuned = servo_gains(float(joint_inertia), variant.servos[name], drive, law)
+        if law == "flow" and isinstance(drive, Actuator):
+            tuned = gains_for_slope(tuned, float(joint_inertia), drive, plant.load_flow_slope)
+        gains[name] = tuned
     for name, drive in variant.actuators.items():
         # The servo has no integral action: a smaller error leaves the joint stuck.
         dead_zone = drive.breakaway_torque / gains[name].kp

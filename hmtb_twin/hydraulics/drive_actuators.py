@@ -210,7 +210,9 @@ def valve_parameters(
     else:
         # Near null the lands hardly damp: pressure feedback takes the part of the linear drive's load-flow line.
         largest_gain = valve.loop_gain * actuator.compliance
-        p[eq.PRESSURE_GAIN] = min(gains.feed, largest_gain)
+        p[eq.PRESSURE_GAIN] = min(oil.load_flow_slope * gains.feed, largest_gain)
+        # The pressure loop asks for the position torque, too: less of it must not open the valve less.
+        p[eq.STIFFNESS] /= oil.load_flow_slope
         # Static and dynamic feedback close one loop through the valve, whose bandwidth bounds their sum.
         p[eq.DYNAMIC_GAIN] = min(gains.dynamic, largest_gain - p[eq.PRESSURE_GAIN])
         p[eq.WASHOUT] = gains.washout

@@ -85,6 +85,13 @@ class Hydraulics:
         0.015, "1", "assumed", "internal leakage at rated pressure and 40 degrees Celsius, part of the rated flow"
     )
     oil_temperature: float = quantity(40.0, "degC", "assumed", "temperature at which viscosity grades are stated")
+    load_flow_slope: float = quantity(
+        1.0,
+        "1",
+        "assumed",
+        "slope of the load-flow line over that of the straight line from no-load flow to stall; near the null of a "
+        "spool valve it is a few percent",
+    )
 
     @property
     def pressure(self) -> float:
@@ -138,8 +145,8 @@ class Actuator:
     """A rack-and-pinion actuator with its servo valve, linear between no-load flow and stall.
 
     In cm^3, MPa and s the load-pressure equation V/(4 beta) dP/dt = Q - (K + C) P - D w has coefficients of order one,
-    and D P is a torque in N m. K is the slope of the straight line from no-load flow at zero load pressure to stall at
-    full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
+    and D P is a torque in N m. K is `load_flow_slope` times the slope of the straight line from no-load flow at zero
+    load pressure to stall at full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
     """
 
     displacement: float = quantity(
@@ -208,8 +215,9 @@ class Actuator:
     @property
     def flow_pressure_gain(self) -> float:
         """Flow lost per load pressure, cm^3/(s MPa): K + C, or only the leakage C behind a closed valve."""
-        # The straight line from no-load flow at zero load pressure to stall at full pressure.
-        return self.valve_open * self.rated_flow / self.hydraulics.pressure + self.leakage
+        # The straight line from no-load flow at zero load pressure to stall at full pressure, or a flatter one.
+        slope = self.hydraulics.load_flow_slope * self.rated_flow / self.hydraulics.pressure
+        return self.valve_open * slope + self.leakage
 
     @property
     def largest_flow(self) -> float:

@@ -1,7 +1,7 @@
 """Plant: supply, oil, friction and process noise of the drives; the table `[plant]` of an experiment."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import COLDEST, HOTTEST, Drive, ElectricDrive, Friction, Hydraulics
@@ -24,6 +24,9 @@ STIFFEST = 5e-6
 """Least deflection of the bristles per multiple of friction, rad: on stiffer ones a stuck yaw, with the arm straight up
 and so of little inertia, swings faster than the physics step resolves."""
 
+FLATTEST = 0.02
+"""Least slope of a load-flow line, over that of the straight one: a spool near null leaks a few percent of it."""
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -40,6 +43,8 @@ class Plant:
         oil_temperature: Temperature of the oil, which sets its viscosity, and so drag and leakage, degrees Celsius.
         process_noise: Standard deviation of the torque noise of the valve drives, as a fraction of each joint's rated
             torque; white at 50 Hz and held over each tick.
+        load_flow_slope: Slope of the valves' load-flow line near null, over that of the straight line from no-load flow
+            to stall, at least `FLATTEST`; dynamic pressure feedback of a flow servo makes up for its damping.
     """
 
     actuator: str = "linear"
@@ -50,6 +55,7 @@ class Plant:
     supply_pressure: float = Hydraulics.supply_pressure
     oil_temperature: float = Hydraulics.oil_temperature
     process_noise: float = 0.0
+    load_flow_slope: float = Hydraulics.load_flow_slope
 
     def __post_init__(self) -> None:
         for name, available in (("actuator", ACTUATOR_FORMS), ("servo", SERVOS), ("friction", FRICTIONS)):
@@ -67,6 +73,7 @@ class Plant:
             "supply_pressure": (lowest, 100.0, pressures),
             "oil_temperature": (COLDEST, HOTTEST, f"{COLDEST:g} to {HOTTEST:g} degrees Celsius"),
             "process_noise": (0.0, 1.0, "0 to 1, a part of the rated torque"),
+            "load_flow_slope": (FLATTEST, 1.0, f"{FLATTEST:g} to 1, a part of the straight line's"),
         }
         for name, (lower, upper, expected) in ranges.items():
             value = real_number(getattr(self, name))
@@ -81,6 +88,15 @@ class Plant:
                 f"{shortest:g} to 0.1 rad: the physics step does not resolve stiffer bristles"
             )
 
+    def __repr__(self) -> str:
+        """Name every field, but the slope only where it is not the nominal one: keys of stored truths lack it."""
+        values = []
+        for name in (field.name for field in fields(self)):
+            value = getattr(self, name)
+            if name != "load_flow_slope" or value != Hydraulics.load_flow_slope:
+                values.append(f"{name}={value!r}")
+        return f"Plant({', '.join(values)})"
+
     @property
     def sliding(self) -> "Plant":
         """The plant without dry friction, but with the oil's drag if it has any."""
@@ -91,12 +107,17 @@ class Plant:
         if isinstance(drive, ElectricDrive):
             self._check_no_oil()
             return replace(drive, friction=self._friction(drive.friction))
-        oil = replace(drive.hydraulics, supply_pressure=self.supply_pressure, oil_temperature=self.oil_temperature)
+        oil = replace(
+            drive.hydraulics,
+            supply_pressure=self.supply_pressure,
+            oil_temperature=self.oil_temperature,
+            load_flow_slope=self.load_flow_slope,
+        )
         return replace(drive, hydraulics=oil, friction=self._friction(drive.friction))
 
     def _check_no_oil(self) -> None:
         """Raise `TwinError` if the plant asks for valves or oil that electric drives do not have."""
-        for name in ("actuator", "servo", "supply_pressure", "oil_temperature"):
+        for name in ("actuator", "servo", "supply_pressure", "oil_temperature", "load_flow_slope"):
             value, nominal = getattr(self, name), getattr(type(self), name)
             # "torque" is the law of every electric servo, so that naming it changes nothing.
             if value not in (nominal, "torque"):

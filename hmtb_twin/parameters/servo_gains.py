@@ -4,9 +4,10 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import brentq
 
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.drives import DcMotor, Drive
+from hmtb_twin.parameters.drives import Actuator, DcMotor, Drive
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import Servo
 
@@ -148,3 +149,43 @@ def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
     if not kp > 0.0:
         raise TwinError(f"wanted slow pole {s:g} rad/s asks for kp = {kp:g} N m/rad of a flow servo, expected above 0")
     return ServoGains(kp, 0.0, feed=K, dynamic=dynamic, washout=washout, compensated=0.0)
+
+
+def gains_for_slope(gains: ServoGains, inertia: float, actuator: Actuator, slope: float) -> ServoGains:
+    """Return the gains of a flow servo whose valve loses less flow to a load than the straight load-flow line.
+
+    More dynamic pressure feedback damps the oil in place of the line: above the inverse of its washout the joint is
+    damped as before, at rest it no longer yields to a load. kp keeps the frequency at which the joint's gain is 0.707.
+
+    Args:
+        gains: The gains for the straight line, by `flow_gains`.
+        inertia: Inertia J that the joint sees at the operating pose, kg m^2.
+        actuator: The drive with the straight line.
+        slope: Slope of the valve's line over that of the straight one, 0 to 1.
+    """
+    if slope == 1.0:
+        return gains
+    lost = (1.0 - slope) * actuator.rated_flow / actuator.hydraulics.pressure
+
+    def open_loop(angular_frequency: float, flow_pressure_gain: float, dynamic: float) -> complex:
+        """The denominator of the joint without position loop, at s = j w."""
+        s = 1j * angular_frequency
+        washed = dynamic * gains.washout * s / (1.0 + gains.washout * s)
+        oil = actuator.compliance * s + flow_pressure_gain + washed
+        return complex(s * (oil * (inertia * s + actuator.drag) + actuator.displacement**2))
+
+    flow_per_angle = gains.kp * (gains.feed or 0.0)
+
+    def above_half_power(log_frequency: float) -> float:
+        without = open_loop(float(np.exp(log_frequency)), actuator.flow_pressure_gain, gains.dynamic)
+        return abs(flow_per_angle / (flow_per_angle + without)) - sqrt(0.5)
+
+    # From a thousandth of the velocity gain, where the joint follows, to a thousand times, where nothing is left.
+    velocity_gain = flow_per_angle / actuator.displacement**2
+    ends = np.log(1e-3 * velocity_gain), np.log(1e3 * velocity_gain)
+    bandwidth = float(np.exp(brentq(above_half_power, *ends)))
+    dynamic = gains.dynamic + lost
+    without = open_loop(bandwidth, actuator.flow_pressure_gain - lost, dynamic)
+    # |x / (x + q)|^2 = 1/2 at this frequency, for x = F kp.
+    ratio = (without.real + abs(complex(without.real, abs(without)))) / flow_per_angle
+    return gains._replace(kp=ratio * gains.kp, dynamic=dynamic)

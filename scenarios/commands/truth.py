@@ -42,6 +42,7 @@ def truth(
     supply_pressure: Annotated[float | None, tyro.conf.arg(metavar="MPA")] = None,
     oil_temperature: Annotated[float | None, tyro.conf.arg(metavar="DEGC")] = None,
     process_noise: float | None = None,
+    load_flow_slope: float | None = None,
     bla: Annotated[float | None, tyro.conf.arg(metavar="RAD")] = None,
     data: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     maps: bool = False,
@@ -87,6 +88,8 @@ def truth(
         oil_temperature: Temperature of the oil, degrees Celsius; 40 when not given.
         process_noise: Noise in the valve drives as a fraction of each joint's rated torque, 0 when not given; with it
             the true noise model is computed too.
+        load_flow_slope: Slope of the valves' load-flow line over that of the straight line from no-load flow to stall,
+            which is assumed when not given (1); near the null of a spool it is a few percent.
         bla: Amplitude (root mean square) of the best linear approximation of the studied joints, rad.
         data: A log of hmtb simulate (.nc); it defines arm, conditions and pose, and no option may contradict them.
         maps: Make the maps.
@@ -111,6 +114,7 @@ def truth(
         "supply_pressure": supply_pressure,
         "oil_temperature": oil_temperature,
         "process_noise": process_noise,
+        "load_flow_slope": load_flow_slope,
     }
     stated = {"variant": variant, "payload": payload, "pose": pose, **conditions}
     stated = {name: value for name, value in stated.items() if value is not None}

@@ -203,6 +203,8 @@ def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
         pressure, celsius = plant.supply_pressure, plant.oil_temperature
         conditions.append((pressure != nominal.supply_pressure, f"supply pressure {pressure:g} MPa"))
         conditions.append((celsius != nominal.oil_temperature, f"oil at {celsius:g} °C"))
+        slope = f"load-flow slope {plant.load_flow_slope:g} of the straight line's"
+        conditions.append((plant.load_flow_slope != nominal.load_flow_slope, slope))
     if plant.process_noise:
         conditions.append((True, f"process noise {plant.process_noise:g} of the rated torque"))
     # By name: a value for each body would fill the page.

@@ -139,6 +139,16 @@ def test_angles_of_a_deviating_arm_with_noise_at_its_limits(servo):
 
 
 @pytest.mark.slow
+def test_angles_with_a_flat_load_flow_line():
+    arm = load_arm(plant=Plant(servo="flow", load_flow_slope=0.1))
+    command = commands(arm, "shoulder_yaw", "binary", 0.004)
+    assert error(simulated(arm, command), IndependentArm(arm).simulate(command), "shoulder_yaw") < PRECISION
+    # As sharp as with the straight line: friction times slope is what differs.
+    nominal = IndependentArm(load_arm(plant=Plant(servo="flow"))).simulate(command)
+    assert error(simulated(arm, command), nominal, "shoulder_yaw") > 1000.0 * PRECISION
+
+
+@pytest.mark.slow
 def test_angles_with_worn_seals():
     """Friction a hundred times larger, the stiffness of its bristles at the bound for light joints."""
     arm = load_arm("nominal", "none", plant=Plant(servo="flow", friction_level=100.0))

@@ -6,12 +6,14 @@ from itertools import product
 import mujoco
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
-from hmtb_twin import JOINTS, PAYLOADS, POSES, OverloadError, Plant, load_arm
+from hmtb_twin import JOINTS, PAYLOADS, POSES, OverloadError, Plant, linearize, load_arm
 from hmtb_twin.arm.arm_model import tuned_gains
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
 from hmtb_twin.parameters.drives import ACTUATORS, Friction
+from hmtb_twin.parameters.servo_gains import servo_dynamics
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE
 from hmtb_twin.parameters.variants import VARIANTS, Variant
@@ -33,6 +35,59 @@ def test_static_stiffness_of_a_flow_servo_falls_with_what_leaks(temperature):
     assert data.qpos[yaw] - arm.pose(OPERATING_POSE)[yaw] == pytest.approx(2.0 / stiffness, rel=1e-6)
     # The servo is tuned for the nominal oil: there feed and flow-pressure gain agree.
     assert stiffness / gains.kp == pytest.approx(1.0, rel=1e-12 if temperature == 40.0 else 0.15)
+
+
+def held_gain(gains, drive, inertia, hz):
+    """Gain of one joint at a frequency, its neighbours held, from the state matrix of joint, drive and servo."""
+    A = servo_dynamics(inertia, drive.drag, drive.motor, gains)
+    command = np.array([0.0, 0.0, gains.feed * gains.kp / drive.motor.constant / drive.motor.inductance, 0.0])
+    return abs(np.linalg.solve(2j * np.pi * hz * np.eye(4) - A, command)[0])
+
+
+def half_power_hz(gains, drive, inertia):
+    """Frequency at which the gain of one joint falls to 0.707."""
+    return brentq(lambda hz: held_gain(gains, drive, inertia, hz) - np.sqrt(0.5), 0.1, 5.0)
+
+
+@pytest.mark.parametrize("slope", [0.02, 0.1, 1.0 / 3.0, 0.9])
+def test_gains_for_a_flatter_line_keep_the_bandwidth_of_each_joint(slope):
+    variant, inertias = (
+        VARIANTS["nominal"],
+        np.diag(load_arm().controller.inertia_matrix(load_arm().pose(OPERATING_POSE))),
+    )
+    straight, flat = tuned_gains(variant), tuned_gains(variant, Plant(load_flow_slope=slope))
+    assert tuned_gains(variant, Plant(load_flow_slope=1.0)) == straight
+    for joint, inertia in zip(JOINTS, inertias, strict=True):
+        drive = variant.actuators[joint]
+        flatter = Plant(load_flow_slope=slope).applied(drive)
+        before, after = half_power_hz(straight[joint], drive, inertia), half_power_hz(flat[joint], flatter, inertia)
+        assert after == pytest.approx(before, rel=1e-9)
+        # Above the washout the pressure is fed back as much as before.
+        lost = drive.flow_pressure_gain - flatter.flow_pressure_gain
+        assert flat[joint].dynamic - straight[joint].dynamic == pytest.approx(lost)
+
+
+@pytest.mark.parametrize("form", ["linear", "orifice"])
+def test_a_flow_servo_is_stiffer_at_rest_the_flatter_the_line(form):
+    yields = []
+    for slope in (1.0, 0.25):
+        arm = load_arm(plant=Plant(form, "flow", "viscous", load_flow_slope=slope))
+        yaw = JOINTS.index("shoulder_yaw")
+        data = arm.rest(arm.pose(OPERATING_POSE))
+        data.qfrc_applied[yaw] = 2.0
+        mujoco.mj_step(arm.model, data, nstep=round(6.0 / arm.model.opt.timestep))
+        gains, drive = arm.gains["shoulder_yaw"], arm.actuators["shoulder_yaw"]
+        stiffness = gains.kp * gains.feed / drive.flow_pressure_gain
+        yields.append(data.qpos[yaw] - arm.pose(OPERATING_POSE)[yaw])
+        # Orifices near null add a slope of their own.
+        assert yields[-1] == pytest.approx(2.0 / stiffness, rel=1e-6 if form == "linear" else 0.15)
+    assert yields[1] < 0.3 * yields[0]
+
+
+def test_a_torque_servo_holds_the_same_at_any_slope():
+    arms = [load_arm(plant=Plant(servo="torque", load_flow_slope=slope)) for slope in (1.0, 0.05)]
+    bandwidths = [linearize(arm, amplitudes=()).joint("elbow_pitch").bandwidth_hz for arm in arms]
+    assert bandwidths[1] == pytest.approx(bandwidths[0], rel=0.01)
 
 
 @LAWS

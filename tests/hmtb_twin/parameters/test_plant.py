@@ -45,6 +45,19 @@ def test_supply_pressure_and_oil_temperature_act_on_their_numbers_of_the_actuato
         assert there.leakage == pytest.approx(SHOULDER.leakage / thickness)
 
 
+def test_the_slope_acts_on_what_the_valve_loses_and_not_on_leakage():
+    flat = Plant(load_flow_slope=0.25).applied(SHOULDER)
+    assert flat.leakage == SHOULDER.leakage
+    assert flat.flow_pressure_gain - flat.leakage == pytest.approx(0.25 * SHOULDER.rated_flow / RATED_PRESSURE)
+
+
+def test_plants_are_named_as_before_unless_their_slope_differs():
+    # Stored truths of problems have their keys from this text.
+    assert "load_flow_slope" not in repr(Plant(friction_level=2.0))
+    assert repr(Plant(load_flow_slope=0.5)).endswith("process_noise=0.0, load_flow_slope=0.5)")
+    assert eval(repr(Plant(load_flow_slope=0.5))) == Plant(load_flow_slope=0.5)
+
+
 def test_frictions_differ_in_what_they_leave():
     kinds = ("none", "viscous", "coulomb", "lugre")
     drives = [Plant(friction=kind, friction_level=2.0).applied(SHOULDER) for kind in kinds]
@@ -117,6 +130,7 @@ def test_process_noise_moves_the_arm_from_its_own_seed(experiment):
         ({"presliding": 4e-4, "friction_level": 100.0}, "0.0004 at friction_level = 100 given, expected 0.0005 to"),
         ({"actuator": np.array("linear")}, "unknown actuator array"),
         ({"friction": ["none"]}, "unknown friction .*'none'"),
+        ({"load_flow_slope": 0.0}, "load_flow_slope = 0.0 given, expected 0.02 to 1, a part of the straight line's"),
     ],
 )
 def test_what_cannot_be_is_refused_with_what_can(arguments, words):
