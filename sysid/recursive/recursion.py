@@ -119,7 +119,7 @@ def _count_repetition_once(final: Estimate, data: IOData, recursion: "Recursion"
     weights = error_weights(recursion.gains, recursion.gradients)
     errors = final.residuals[:, 0].copy()
     errors[~weights.any(axis=1)] = 0.0
-    repeated = repeated_in_weighted_sum([data], [weights], [errors])
+    repeated = repeated_in_weighted_sum([data], [weights], [errors], final.covariance)
     if repeated is None:
         return final
     diagnostics = {**repeated[1].diagnostics, "covariance_of_independent_errors": final.covariance}
