@@ -17,8 +17,8 @@ failure: 2,000 draws see terms of order 1/N that no user of an interval does.
 the best linear system over many sequences, since the static nonlinearity has its linear part over them removed. It was
 a cubic at first, whose outliers most estimators warned of; changed after 100 draws of `arx` and `armax`.
 
-With fewer draws than 2,000, which decide nothing near the limits, a row fails where the 95 % interval of a coverage lies
-outside of them as a whole; added on the same day, before a run of more than 100 draws.
+With fewer draws than 2,000, which decide nothing near the limits, a row fails where the 95 % interval of a coverage
+lies outside of them as a whole; added on the same day, before a run of more than 100 draws.
 
 The same bits follow from the same seed with any number of processes. The journal has the outcomes of 100 draws of a
 row on a line: the same command resumes from it, and more draws add to it. Without --draws it takes 2,000.
