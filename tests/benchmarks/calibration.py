@@ -21,7 +21,8 @@ With fewer draws than 2,000, which decide nothing near the limits, a row fails w
 lies outside of them as a whole; added on the same day, before a run of more than 100 draws.
 
 The same bits follow from the same seed with any number of processes. The journal has the outcomes of 100 draws of a
-row on a line: the same command resumes from it, and more draws add to it. Without --draws it takes 2,000.
+row on a line: the same command resumes from it, and more draws add to it. It knows nothing of the software: remove it
+after a change of an estimator.
 """
 
 import json
@@ -86,6 +87,7 @@ def measured(path, seed, draws, keys, processes):
     done = journal_of(path, seed, draws, keys)
     # all rows of the first draws come first: an interrupted run has all rows
     wanted = [(key, first, seed) for first in range(0, draws, CHUNK) for key in keys if (key, first) not in done]
+    path.parent.mkdir(parents=True, exist_ok=True)
     with Pool(processes) as pool, path.open("a", encoding="utf-8") as file:
         for key, first, outcomes in pool.imap_unordered(chunk, wanted):
             done[key, first] = outcomes
@@ -282,7 +284,7 @@ def drawn(rows, path):
     """Figure: coverage of every quantity, estimators down the page, problems side by side."""
     # text as text keeps the file small; the same ids on every run keep its differences small
     matplotlib.rcParams.update({"svg.fonttype": "none", "svg.hashsalt": "calibration", "font.family": "sans-serif"})
-    names = list(dict.fromkeys(one.estimator for one in rows))
+    names = _listed(rows)
     figure = Figure(figsize=(12.0, 0.245 * len(names) + 1.5), layout="constrained")
     grid = figure.subplots(1, len(PROBLEMS), sharey=True)
     for axes, problem in zip(grid, PROBLEMS, strict=True):
@@ -306,9 +308,21 @@ EDGE = 80.0
 """Lowest coverage on the axis, %; lower ones stand at the edge with their number."""
 
 
+def _method(name):
+    """Method of an estimator, without its options."""
+    return name.partition(",")[0].partition(" ")[0]
+
+
+def _listed(rows):
+    """Names of the estimators, those of one method one below the other."""
+    names = list(dict.fromkeys(one.estimator for one in rows))
+    methods = list(dict.fromkeys(map(_method, names)))
+    return sorted(names, key=lambda name: methods.index(_method(name)))
+
+
 def _colour(name):
     """Colour of the method of that name, or of the batch method of a recursive one."""
-    method = name.partition(",")[0].partition(" ")[0]
+    method = _method(name)
     return PALETTE.get(method, PALETTE.get(method.removeprefix("r"), PALETTE["measured"])).colour
 
 
@@ -343,7 +357,7 @@ def main():
     parser.add_argument("--draws", type=int, default=DRAWS, help=f"records of each row, a multiple of {CHUNK}")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--journal", type=Path, default=Path("calibration.jsonl"))
+    parser.add_argument("--journal", type=Path, default=Path("build/calibration.jsonl"))
     parser.add_argument("--figure", type=Path, help="SVG file to write")
     parser.add_argument(
         "--only", nargs="+", default=[""], metavar="WORD", help="rows whose name holds one of the words"
