@@ -269,7 +269,8 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
     if not (np.isfinite(inverse).all() and np.isfinite(middle).all()):
         # a predictor that is not stable where the parameters are moved
         return estimate
-    share = periodic_share(np.linalg.inv(inverse), periodic)
+    curvature = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
+    share = periodic_share(curvature, periodic)
     added = directions @ beyond_independent(inverse @ middle @ inverse, share) @ directions.T
     if not np.isfinite(added).all():
         return estimate

@@ -36,6 +36,10 @@ OFF = 20.0  # N dV / V, beyond one per parameter, above which a recursion is rep
 FAR = 1e12  # prediction error, relative to the largest output, at which the recursion is stopped as divergent
 WOUND_UP = 1e50  # growth of the memory of the rule (a square root of P for least squares) at which it is stopped
 LOOK = 16  # samples between two checks of the memory, which cost as much as a step
+SAME_SEQUENCE_BEFORE = (
+    "errors repeat with the input: intervals take those of the start as independent of them, and are too narrow if its "
+    "record plays the same sequence"
+)
 NOISE_FREE = 1e-20  # sum of squares, relative to that of the output, below which the fit is exact
 
 
@@ -78,23 +82,49 @@ def recurse(
         trajectory[t] = recursion.theta
 
     end = recursion.state()
+    final = _last_estimate(method, data, order_values, end, messages, resumes)
+    final = _count_repetition_once(final, data, recursion)
+    if "periods" in final.diagnostics and isinstance(start, Estimate | RecursiveEstimate | RecursiveState):
+        warnings.warn(SAME_SEQUENCE_BEFORE, SysidWarning, stacklevel=3)
+        told = (*final.diagnostics["warnings"], SAME_SEQUENCE_BEFORE)
+        final = replace(final, diagnostics={**final.diagnostics, "warnings": told})
+    return RecursiveEstimate(
+        trajectory,
+        orders.names,
+        recursion.predicted,
+        recursion.residuals,
+        end.scaled_covariance,
+        final,
+        end,
+        end.shortened,
+    )
+
+
+def _last_estimate(
+    method: str,
+    data: IOData,
+    order_values: Mapping[str, Any],
+    end: RecursiveState,
+    messages: list[str],
+    resumes: bool,
+) -> Estimate:
+    """The last parameters as an estimate, and warnings of their distance to the minimum and of rounded outputs."""
+    orders, rule = end.orders, end.adaptation
     variance = max(end.squares, 0.0) / max(end.weight - orders.count, 1.0)
+    covariance = rule.covariance(end.scaled_covariance, end.energy / max(end.steps, 1), variance, end.steps)
     nonlinear = orders.nc > 0 or any(orders.nf)
     left = _promised_decrease([data], orders, end.theta) if nonlinear and not resumes else np.nan
+    doubts = []
     if left > OFF + orders.count and not rule.forgets:
-        messages.append(
+        doubts.append(
             f"after {end.steps} steps {method} is still far from the minimum: one Gauss-Newton step on the whole "
             f"record promises N dV/V = {left:.3g}; use start={method[1:]}(data[:n], ...), an estimate from the first "
             "samples, or a longer record"
         )
-        warnings.warn(messages[-1], SysidWarning, stacklevel=3)
-    P = end.scaled_covariance
-    covariance = rule.covariance(P, end.energy / max(end.steps, 1), variance, end.steps)
     if not (nonlinear or resumes or rule.forgets):
-        of_rounding = rounding_messages([data], orders, end.theta, covariance, variance)
-        warn_each(of_rounding, stacklevel=2)
-        messages += of_rounding
-    final = make_estimate(
+        doubts += rounding_messages([data], orders, end.theta, covariance, variance)
+    warn_each(doubts, stacklevel=3)
+    return make_estimate(
         method,
         [data],
         orders,
@@ -103,12 +133,8 @@ def recurse(
         covariance=covariance,
         variance=variance,
         diagnostics={"adaptation": rule, "shortened": end.shortened, "steps": end.steps, "left": left},
-        messages=messages,
+        messages=[*messages, *doubts],
         repetition_counted=True,
-    )
-    final = _count_repetition_once(final, data, recursion)
-    return RecursiveEstimate(
-        trajectory, orders.names, recursion.predicted, recursion.residuals, P, final, end, end.shortened
     )
 
 

@@ -162,6 +162,11 @@ def test_errors_that_repeat_with_the_input_count_once_as_in_the_batch_estimate()
     np.testing.assert_allclose(recursive.covariance, batch.covariance, rtol=1e-6)
     independent = recursive.diagnostics["covariance_of_independent_errors"]
     assert np.trace(recursive.covariance) > 2.0 * np.trace(independent)
+    assert not recursive.diagnostics["warnings"]
+    # the errors of both parts are the same: nobody knows it of a start
+    with pytest.warns(SysidWarning, match="plays the same sequence"):
+        later = rarx(data[240:], 1, 2, start=arx(data[:240], 1, 2)).final
+    assert any("plays the same sequence" in text for text in later.diagnostics["warnings"])
 
 
 def test_predictor_stays_stable_in_wild_data():
