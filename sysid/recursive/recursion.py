@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from sysid.models.estimate import Estimate
 from sysid.models.repeated_errors import repeated_in_weighted_sum
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.interval_warnings import interval_messages
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.prediction_error import SIGNIFICANT, linearise
@@ -82,7 +83,8 @@ def recurse(
         trajectory[t] = recursion.theta
 
     end = recursion.state()
-    final = _last_estimate(method, data, order_values, end, messages, resumes)
+    before = sum(start.data.samples) if isinstance(start, Estimate) else 0
+    final = _last_estimate(method, data, order_values, end, messages, resumes, before)
     final = _count_repetition_once(final, data, recursion)
     if "periods" in final.diagnostics and isinstance(start, Estimate | RecursiveEstimate | RecursiveState):
         warnings.warn(SAME_SEQUENCE_BEFORE, SysidWarning, stacklevel=3)
@@ -107,8 +109,12 @@ def _last_estimate(
     end: RecursiveState,
     messages: list[str],
     resumes: bool,
+    before: int,
 ) -> Estimate:
-    """The last parameters as an estimate, and warnings of their distance to the minimum and of rounded outputs."""
+    """The last parameters as an estimate, with warnings of their distance to the minimum and of their intervals.
+
+    `before` is the number of samples behind an estimate as start.
+    """
     orders, rule = end.orders, end.adaptation
     variance = max(end.squares, 0.0) / max(end.weight - orders.count, 1.0)
     covariance = rule.covariance(end.scaled_covariance, end.energy / max(end.steps, 1), variance, end.steps)
@@ -121,8 +127,11 @@ def _last_estimate(
             f"record promises N dV/V = {left:.3g}; use start={method[1:]}(data[:n], ...), an estimate from the first "
             "samples, or a longer record"
         )
-    if not (nonlinear or resumes or rule.forgets):
-        doubts += rounding_messages([data], orders, end.theta, covariance, variance)
+    if not (resumes or rule.forgets):
+        if nonlinear:
+            doubts += interval_messages(orders, end.theta, end.steps + before, covariance)
+        else:
+            doubts += rounding_messages([data], orders, end.theta, covariance, variance)
     warn_each(doubts, stacklevel=3)
     return make_estimate(
         method,

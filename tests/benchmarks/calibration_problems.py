@@ -287,7 +287,7 @@ class Case:
         return f"{self.problem}/{self.name}"
 
 
-NUMBERS = re.compile(r"[-+]?\d[\d.e+-]*")
+NUMBERS = re.compile(r"(?<![a-z_])[-+]?\d[\d.e+-]*")
 
 
 def asked(case, rng):

@@ -153,6 +153,15 @@ def test_weights_of_the_errors_give_the_last_parameters(adaptation):
     np.testing.assert_allclose(weights.T @ errors, error_of_parameters, rtol=1e-10, atol=1e-12)
 
 
+def test_warns_of_short_intervals_as_the_batch_estimate_does():
+    rng = np.random.default_rng(7)
+    u, e = rng.standard_normal((2, 120))
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.2, 0.5], u) + lfilter([0.4, 0.2], [1.0, -1.2, 0.5], e)
+    start = armax(IOData(u[:40], y[:40], 1.0), 2, 2, 1)
+    with pytest.warns(SysidWarning, match="118 errors for 5 parameters are few"):
+        rarmax(IOData(u[40:], y[40:], 1.0), 2, 2, 1, start=start)
+
+
 def test_errors_that_repeat_with_the_input_count_once_as_in_the_batch_estimate():
     rng = np.random.default_rng(6)
     u = np.resize(rng.standard_normal(80), 800)
