@@ -18,7 +18,7 @@ the best linear system over many sequences, since the static nonlinearity has it
 a cubic at first, whose outliers most estimators warned of; changed after 100 draws of `arx` and `armax`.
 
 With fewer draws than 2,000, which decide nothing near the limits, a row fails where the 95 % interval of a coverage
-lies outside of them as a whole; added on the same day, before a run of more than 100 draws.
+lies outside of them as a whole, and is else "open"; added on the same day, before a run of more than 100 draws.
 
 The same bits follow from the same seed with any number of processes. The journal has the outcomes of 100 draws of a
 row on a line: the same command resumes from it, and more draws add to it. It knows nothing of the software: remove it
@@ -195,7 +195,9 @@ class Row:
         """What the criterion says of the row."""
         if self.warned > 1.0 - FEWEST_UNWARNED:
             return "warned"
-        return "fails: " + ", ".join(self.failed) if self.failed else "holds"
+        if self.failed:
+            return "fails: " + ", ".join(self.failed)
+        return "holds" if self.draws >= DRAWS else "open"
 
 
 def row_of(key, outcomes):
@@ -373,7 +375,8 @@ def main():
     visible = sum(p_value < VISIBLE for p_value in p_values.values())
     print(
         f"{asked_for.draws} draws of each of {len(rows)} rows: {verdicts['holds']} hold, {verdicts['fails']} fail, "
-        f"{verdicts['warned']} warned. Of {len(p_values)} tests of uniformity, {visible} see a departure."
+        f"{verdicts['warned']} warned, {verdicts['open']} open. Of {len(p_values)} tests of uniformity, {visible} see a "
+        "departure."
     )
     for problem in PROBLEMS:
         if any(one.problem == problem for one in rows):
