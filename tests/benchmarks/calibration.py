@@ -373,11 +373,9 @@ def main():
     p_values = adjusted(rows)
     verdicts = Counter(one.verdict.partition(":")[0] for one in rows)
     visible = sum(p_value < VISIBLE for p_value in p_values.values())
-    print(
-        f"{asked_for.draws} draws of each of {len(rows)} rows: {verdicts['holds']} hold, {verdicts['fails']} fail, "
-        f"{verdicts['warned']} warned, {verdicts['open']} open. Of {len(p_values)} tests of uniformity, {visible} see a "
-        "departure."
-    )
+    counts = ", ".join(f"{verdicts[name]} {name}" for name in ("holds", "fails", "warned", "open"))
+    print(f"{asked_for.draws} draws of each of {len(rows)} rows: {counts}.", end=" ")
+    print(f"Of {len(p_values)} tests of uniformity, {visible} see a departure.")
     for problem in PROBLEMS:
         if any(one.problem == problem for one in rows):
             print_problem(problem, rows, p_values)
