@@ -22,7 +22,8 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
     Without smoothing it is unbiased apart from transients, but its variance does not decrease with N: use it for a
     first look, and for periodic inputs, where it is consistent. Several experiments of equal length give
     sum(Y conj U) / sum |U|^2, and from two on a covariance. With smoothing the sums run over 2 smoothing + 1
-    neighbouring frequencies too, weighted by a Hann window; one experiment then gives a covariance.
+    neighbouring frequencies too, weighted by a Hann window; one experiment then gives a covariance. The scatter of
+    experiments with the same input shows noise alone, no nonlinear distortion: `bla` of several inputs does.
     Detrend first. Initialisation windows are omitted.
 
     Args:

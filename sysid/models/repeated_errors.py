@@ -172,8 +172,35 @@ def mean_period(group: Repetition, signals: Sequence[FloatArray]) -> FloatArray:
     return total / group.count
 
 
+def beyond_independent(of_mean_periods: FloatArray, independent: FloatArray) -> FloatArray:
+    """What the mean periods add to a covariance (q, q) that has the independent errors of their weights already.
+
+    The sum of weights times errors over all periods is that over the mean period, weights and errors averaged, times
+    the number of periods: its covariance takes the place of that for independent errors. It is no smaller: few lines
+    may miss what the noise alone makes.
+    """
+    return _larger(of_mean_periods, independent) - independent
+
+
+def periodic_share(whole: FloatArray, periodic: FloatArray) -> FloatArray:
+    """Share (q, q) of weights that is the same in all periods, between zero and the identity in every direction.
+
+    Args:
+        whole: Sum over time of the products of the weights.
+        periodic: The same of their means over the periods, times the number of periods.
+    """
+    values, vectors = np.linalg.eigh(whole)
+    kept = values > np.finfo(float).eps * len(values) * max(values.max(initial=0.0), np.finfo(float).tiny)
+    inverse_root = (vectors[:, kept] / np.sqrt(values[kept])) @ vectors[:, kept].T
+    shares, axes = np.linalg.eigh(inverse_root @ periodic @ inverse_root)
+    return np.asarray((axes * np.clip(shares, 0.0, 1.0)) @ axes.T)
+
+
 def repeated_in_weighted_sum(
-    experiments: Sequence[IOData], weights: Sequence[FloatArray], errors: Sequence[FloatArray]
+    experiments: Sequence[IOData],
+    weights: Sequence[FloatArray],
+    errors: Sequence[FloatArray],
+    covariance: FloatArray,
 ) -> tuple[FloatArray, RepeatedErrors] | None:
     """What repeated errors add to the covariance of an estimate whose error is a weighted sum of errors.
 
@@ -182,6 +209,7 @@ def repeated_in_weighted_sum(
         weights: Weights w of each experiment (N_i, p), zero where the estimate has no equation: the error of the
             parameters is the sum over time of w(t) e(t).
         errors: The errors e (N_i,), zero likewise.
+        covariance: Of the parameters, for errors that are independent of the input (p, p).
 
     Returns:
         The covariance (p, p), and what repeats; None where nothing does.
@@ -190,16 +218,25 @@ def repeated_in_weighted_sum(
     repeated = repeated_errors(experiments, columns)
     if repeated is None or repeated.p_value >= LEVEL:
         return None
-    total = np.zeros((weights[0].shape[1],) * 2)
+    directions = standard_directions(covariance)
+    directions = directions[:, np.abs(directions).max(axis=0) > 0.0]
+    # coordinates in which the covariance is the identity
+    along = np.linalg.pinv(directions)
+    scaled = [of_record @ along.T for of_record in weights]
+    middle, periodic = np.zeros((2, len(along), len(along)))
     for group in repeated.groups:
-        total += sum_over_periods(group, mean_period(group, weights)[:, None], mean_period(group, columns))
-    return total, repeated
+        mean = mean_period(group, scaled)
+        middle += sum_over_periods(group, mean[:, None], mean_period(group, columns))
+        periodic += group.count * mean.T @ mean
+    whole = np.sum([of_record.T @ of_record for of_record in scaled], axis=0)
+    added = beyond_independent(middle, periodic_share(whole, periodic))
+    return directions @ added @ directions.T, repeated
 
 
 def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) -> AnyEstimate:
     """Widen the covariance of an estimate whose errors repeat with the input, and say so in its diagnostics.
 
-    The covariance gets what the errors of the mean period contribute beside independent ones. Without a repetition of
+    The covariance gets what the errors of the mean period contribute beyond independent ones. Without a repetition of
     the input, or of the errors with it, the estimate is returned as it is.
 
     Args:
@@ -224,13 +261,18 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
         ahead = _whitened_errors(estimate.realise(estimate.parameters + STEP * direction), experiments, whitening)
         behind = _whitened_errors(estimate.realise(estimate.parameters - STEP * direction), experiments, whitening)
         slopes.add([(later - earlier) / (2.0 * STEP) for later, earlier in zip(ahead, behind, strict=True)])
-    middle = np.zeros((directions.shape[1],) * 2)
+    middle, periodic = np.zeros((2, directions.shape[1], directions.shape[1]))
     for group, slope in zip(repeated.groups, slopes.of_mean_periods(), strict=True):
         middle += sum_over_periods(group, slope, mean_period(group, errors))
-    half = directions @ slopes.inverse_curvature()
-    added = half @ middle @ half.T
-    if not np.isfinite(added).all():
+        periodic += group.count * np.einsum("tiq,tir->qr", slope, slope)
+    inverse = slopes.inverse_curvature()
+    if not (np.isfinite(inverse).all() and np.isfinite(middle).all()):
         # a predictor that is not stable where the parameters are moved
+        return estimate
+    curvature = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
+    share = periodic_share(curvature, periodic)
+    added = directions @ beyond_independent(inverse @ middle @ inverse, share) @ directions.T
+    if not np.isfinite(added).all():
         return estimate
     covariance = estimate.covariance + added
     before = {"covariance_of_independent_errors": estimate.covariance}

@@ -13,6 +13,7 @@ from sysid.polynomial.least_squares import solve
 from sysid.polynomial.orders import make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.regressors import complete_rows, lagged, output_lags
+from sysid.polynomial.rounding import rounding_messages
 from sysid.records.arguments import one_of
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
@@ -43,7 +44,8 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
         SysidError: Data with an input, several outputs, an order too large for the data, an unknown approach.
 
     Warns:
-        SysidWarning: A mean that dominates, rank deficient regressors, an unstable model ("fb", "ls").
+        SysidWarning: A mean that dominates, rank deficient regressors, an unstable model ("fb", "ls"), an output whose
+            rounding biases A.
     """
     one_of("approach", approach, get_args(Approach))
     experiments = as_series(data, missing=approach in ("fb", "ls"))
@@ -66,6 +68,8 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
     else:
         a = yule_walker(records, na)
     variance = float(np.sum((target - rows @ a) ** 2)) / (len(rows) - na)
+    covariance = variance * fit.inverse_gram
+    messages += rounding_messages(experiments, orders, a, covariance, variance)
     warn_each(messages)
     return make_estimate(
         "ar",
@@ -73,7 +77,7 @@ def ar(data: IOData | Sequence[IOData], na: int, *, approach: Approach = "fb") -
         orders,
         {"na": na},
         theta=a,
-        covariance=variance * fit.inverse_gram,
+        covariance=covariance,
         variance=variance,
         diagnostics={"approach": approach, **fit.diagnostics},
         messages=messages,

@@ -28,6 +28,7 @@ from sysid.polynomial.regressors import arx_equations, complete_rows, equation_b
 from sysid.polynomial.regularisation import Kernel, Posterior, checked_kernel, empirical_bayes, posterior_of_triangle
 from sysid.polynomial.response_fits import arx_of_response
 from sysid.polynomial.robust_covariance import sandwich
+from sysid.polynomial.rounding import rounding_messages
 from sysid.polynomial.trends import Levelled, equations_with_trends, trend_degree
 from sysid.records.arguments import truth_value
 from sysid.records.arrays import FloatArray
@@ -91,7 +92,8 @@ def arx(
             together with `coloured`, `error_threshold` or `fixed`, or the first two together.
 
     Warns:
-        SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors.
+        SysidWarning: The input excites too little, means that do not fit the dynamics, rank deficient regressors, an
+            output whose rounding biases A.
     """
     if isinstance(data, FrequencyResponse):
         options: dict[str, tuple[object, object]] = {"coloured": (coloured, False), "offset": (offset, False)}
@@ -219,6 +221,7 @@ def regression_estimate(
         covariance = variance * fit.inverse_gram
         if constraint is not None:
             theta, covariance = constraint.full(theta), constraint.basis @ covariance @ constraint.basis.T
+        messages += rounding_messages(experiments, orders, theta, covariance, variance)
         if coloured:
             covariance = sandwich(experiments, orders, theta, covariance, variance)
         diagnostics = fit.diagnostics

@@ -124,7 +124,7 @@ def instrumental_estimate(
     diagnostics = {**fit.diagnostics, "whitener": whitener}
     weighted = whitened if filtered else signals
     in_time = [np.pad(np.nan_to_num(v), (len(e) - len(v), 0)) for e, v in zip(experiments, weighted, strict=True)]
-    repeated = repeated_in_weighted_sum(experiments, weights, in_time)
+    repeated = repeated_in_weighted_sum(experiments, weights, in_time, covariance)
     if repeated is not None:
         diagnostics |= {**repeated[1].diagnostics, "covariance_of_independent_errors": covariance}
         covariance = covariance + repeated[0]

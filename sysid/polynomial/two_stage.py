@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
-from sysid.models.repeated_errors import LEVEL, mean_period, repeated_errors
+from sysid.models.repeated_errors import LEVEL, beyond_independent, mean_period, repeated_errors
 from sysid.polynomial.arx import arx
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.oe import oe
@@ -148,9 +148,11 @@ def _covariance(
     by_reference = [IOData(r, e.y, e.dt, window=e.window) for r, e in zip(references, experiments, strict=True)]
     repeated = repeated_errors(by_reference, terms)
     if repeated is not None and repeated.p_value < LEVEL:
+        samples, of_independent = sum(map(len, terms)), of_sum
         for group in repeated.groups:
             # what is the same in all periods adds up with their number, not with its root
-            of_sum = of_sum + group.count**2 * long_run_covariance([mean_period(group, terms)])
+            of_mean = group.count**2 * long_run_covariance([mean_period(group, terms)])
+            of_sum = of_sum + beyond_independent(of_mean, group.count * group.period / samples * of_independent)
     return half @ of_sum @ half.T
 
 

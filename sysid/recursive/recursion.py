@@ -14,16 +14,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
+from sysid.models.repeated_errors import repeated_in_weighted_sum
 from sysid.polynomial.data_checks import check_excitation, check_means
+from sysid.polynomial.interval_warnings import interval_messages
 from sysid.polynomial.orders import Orders, make_orders
 from sysid.polynomial.polynomial_estimate import check_enough_data, check_single_output, make_estimate
 from sysid.polynomial.prediction_error import SIGNIFICANT, linearise
+from sysid.polynomial.rounding import rounding_messages
 from sysid.records.arguments import shown
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.repetition import repetitions
 from sysid.records.singular_values import svd
 from sysid.recursive.adaptation import Adaptation, Forgetting, Gradient
+from sysid.recursive.error_weights import error_weights
 from sysid.recursive.initial_state import Channel, Start, has_stable_denominators, regressed_channels, starting_state
 from sysid.recursive.recursive_estimate import RecursiveEstimate, RecursiveState
 
@@ -32,6 +37,10 @@ OFF = 20.0  # N dV / V, beyond one per parameter, above which a recursion is rep
 FAR = 1e12  # prediction error, relative to the largest output, at which the recursion is stopped as divergent
 WOUND_UP = 1e50  # growth of the memory of the rule (a square root of P for least squares) at which it is stopped
 LOOK = 16  # samples between two checks of the memory, which cost as much as a step
+SAME_SEQUENCE_BEFORE = (
+    "errors repeat with the input: intervals take those of the start as independent of them, and are too narrow if its "
+    "record plays the same sequence"
+)
 NOISE_FREE = 1e-20  # sum of squares, relative to that of the output, below which the fit is exact
 
 
@@ -74,32 +83,82 @@ def recurse(
         trajectory[t] = recursion.theta
 
     end = recursion.state()
+    before = sum(start.data.samples) if isinstance(start, Estimate) else 0
+    final = _last_estimate(method, data, order_values, end, messages, resumes, before)
+    final = _count_repetition_once(final, data, recursion)
+    if "periods" in final.diagnostics and isinstance(start, Estimate | RecursiveEstimate | RecursiveState):
+        warnings.warn(SAME_SEQUENCE_BEFORE, SysidWarning, stacklevel=3)
+        told = (*final.diagnostics["warnings"], SAME_SEQUENCE_BEFORE)
+        final = replace(final, diagnostics={**final.diagnostics, "warnings": told})
+    return RecursiveEstimate(
+        trajectory,
+        orders.names,
+        recursion.predicted,
+        recursion.residuals,
+        end.scaled_covariance,
+        final,
+        end,
+        end.shortened,
+    )
+
+
+def _last_estimate(
+    method: str,
+    data: IOData,
+    order_values: Mapping[str, Any],
+    end: RecursiveState,
+    messages: list[str],
+    resumes: bool,
+    before: int,
+) -> Estimate:
+    """The last parameters as an estimate, with warnings of their distance to the minimum and of their intervals.
+
+    `before` is the number of samples behind an estimate as start.
+    """
+    orders, rule = end.orders, end.adaptation
     variance = max(end.squares, 0.0) / max(end.weight - orders.count, 1.0)
+    covariance = rule.covariance(end.scaled_covariance, end.energy / max(end.steps, 1), variance, end.steps)
     nonlinear = orders.nc > 0 or any(orders.nf)
     left = _promised_decrease([data], orders, end.theta) if nonlinear and not resumes else np.nan
+    doubts = []
     if left > OFF + orders.count and not rule.forgets:
-        messages.append(
+        doubts.append(
             f"after {end.steps} steps {method} is still far from the minimum: one Gauss-Newton step on the whole "
             f"record promises N dV/V = {left:.3g}; use start={method[1:]}(data[:n], ...), an estimate from the first "
             "samples, or a longer record"
         )
-        warnings.warn(messages[-1], SysidWarning, stacklevel=3)
-    P = end.scaled_covariance
-    final = make_estimate(
+    if not (resumes or rule.forgets):
+        if nonlinear:
+            doubts += interval_messages(orders, end.theta, end.steps + before, covariance)
+        else:
+            doubts += rounding_messages([data], orders, end.theta, covariance, variance)
+    warn_each(doubts, stacklevel=3)
+    return make_estimate(
         method,
         [data],
         orders,
         orders.select(*order_values),
         theta=end.theta,
-        covariance=rule.covariance(P, end.energy / max(end.steps, 1), variance, end.steps),
+        covariance=covariance,
         variance=variance,
         diagnostics={"adaptation": rule, "shortened": end.shortened, "steps": end.steps, "left": left},
-        messages=messages,
+        messages=[*messages, *doubts],
         repetition_counted=True,
     )
-    return RecursiveEstimate(
-        trajectory, orders.names, recursion.predicted, recursion.residuals, P, final, end, end.shortened
-    )
+
+
+def _count_repetition_once(final: Estimate, data: IOData, recursion: "Recursion") -> Estimate:
+    """Widen the covariance of the last parameters where their errors repeat with the input of this record."""
+    if not repetitions([data]):
+        return final
+    weights = error_weights(recursion.gains, recursion.gradients)
+    errors = final.residuals[:, 0].copy()
+    errors[~weights.any(axis=1)] = 0.0
+    repeated = repeated_in_weighted_sum([data], [weights], [errors], final.covariance)
+    if repeated is None:
+        return final
+    diagnostics = {**repeated[1].diagnostics, "covariance_of_independent_errors": final.covariance}
+    return replace(final, covariance=final.covariance + repeated[0], diagnostics={**final.diagnostics, **diagnostics})
 
 
 def _adaptation_rule(origin: Start, default: Adaptation, adaptation: Adaptation | None) -> Adaptation:
@@ -124,6 +183,8 @@ class Recursion:
         theta: Present parameters (p,).
         predicted: Predictions so far (N, 1), NaN where there is none.
         residuals: Prediction errors so far (N, 1), zero where there is none.
+        gains: Gain of every step so far (N, p), zero where there is none.
+        gradients: Gradients psi, likewise.
     """
 
     def __init__(self, method: str, state: RecursiveState, channels: Sequence[Channel], data: IOData) -> None:
@@ -141,6 +202,7 @@ class Recursion:
         self._squares, self._weight, self._energy = state.squares, state.weight, state.energy
         self._steps, self._shortened = state.steps, state.shortened
         self.predicted, self.residuals = np.full((len(data), 1), np.nan), np.zeros((len(data), 1))
+        self.gains, self.gradients = np.zeros((2, len(data), len(self.theta)))
         self._error_limit = FAR * (float(np.abs(self._y).max()) or 1.0)
         self._memory_limit = WOUND_UP * (float(np.abs(self._memory).max()) or 1.0)
 
@@ -196,6 +258,7 @@ class Recursion:
         self._shortened += halvings > 0
         if halvings < HALVINGS:
             theta = theta + step
+            self.gains[t], self.gradients[t] = 0.5**halvings * gain, psi
         self.theta, self.predicted[t], self.residuals[t] = theta, predicted, error
         posterior_error = float(self._y[t] - phi @ theta)
         # for least squares, the sum of prior times posterior errors is the sum of squares of the whole fit

@@ -86,5 +86,5 @@ def half_widths(
 
 
 def _reach(low: float, high: float) -> float:
-    """The farther end of an interval about zero."""
-    return max(abs(low), abs(high))
+    """Half the width of an interval."""
+    return 0.5 * (high - low)

@@ -11,7 +11,14 @@ from sysid.models.data_summary import DataSummary
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
-from sysid.models.repeated_errors import LEVEL, RepeatedErrors, mean_period, repeated_errors, sum_over_periods
+from sysid.models.repeated_errors import (
+    LEVEL,
+    RepeatedErrors,
+    beyond_independent,
+    mean_period,
+    repeated_errors,
+    sum_over_periods,
+)
 from sysid.models.state_space import StateSpace
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import LeastSquares
@@ -352,7 +359,7 @@ def _make_estimate(
     to_model: Realise | RealiseLocally = realise
     if len(theta) <= LARGEST_COVARIANCE:
         covariance = np.asarray(np.kron(realise.covariance, fit.inverse_gram), dtype=np.float64)
-        repeated = _repeated(regression, fit)
+        repeated = _repeated(regression, fit, realise.covariance)
         if repeated is not None:
             before = {"covariance_of_independent_errors": covariance}
             diagnostics = {**diagnostics, **repeated[1].diagnostics, **before}
@@ -382,19 +389,26 @@ def _make_estimate(
     )
 
 
-def _repeated(regression: ObserverRegression, fit: LeastSquares) -> tuple[FloatArray, RepeatedErrors] | None:
-    """What errors that repeat with the input add to the covariance of the parameters, output by output, and which."""
+def _repeated(
+    regression: ObserverRegression, fit: LeastSquares, innovation: FloatArray
+) -> tuple[FloatArray, RepeatedErrors] | None:
+    """What errors that repeat with the input add to the covariance of the parameters, output by output, and which.
+
+    The covariance of independent errors is `innovation` (ny, ny).
+    """
     errors = regression.errors(fit.solution)
     repeated = repeated_errors(regression.experiments, errors)
     if repeated is None or repeated.p_value >= LEVEL:
         return None
     total: FloatArray | float = 0.0
+    independent: FloatArray | float = 0.0
     for group in repeated.groups:
         # the equations of an output see the errors of that output alone
         weighted = regression.mean_regressors(group) @ fit.inverse_gram
         slopes = np.stack([np.kron(row, weighted) for row in np.eye(errors[0].shape[1])], axis=1)
         total = total + sum_over_periods(group, slopes, mean_period(group, errors))
-    return np.asarray(total), repeated
+        independent = independent + group.count * np.einsum("tiq,ij,tjr->qr", slopes, innovation, slopes)
+    return beyond_independent(np.asarray(total), np.asarray(independent)), repeated
 
 
 def _too_many_parameters(regression: ObserverRegression, count: int, order: int) -> str:

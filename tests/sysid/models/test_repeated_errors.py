@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 import sysid
 from sysid import IOData
 from sysid.models.repeated_errors import count_repetition_once, repeated_errors
+from sysid.recursive import Forgetting
 
 DT = 0.02
 PERIOD, PERIODS = 200, 15
@@ -33,6 +34,9 @@ ESTIMATORS = {
     "okid": lambda data: sysid.okid(data, 2, p=6),
     "pem_ss": lambda data: sysid.pem_ss(data, 2),
     "tfest": lambda data: sysid.tfest(data, 2, 1),
+    "rarx": lambda data: sysid.rarx(data, 2, 2, 1).final,
+    "rarx forgetting": lambda data: sysid.rarx(data, 2, 2, 1, adaptation=Forgetting(0.999)).final,
+    "roe": lambda data: sysid.roe(data, 2, 2, 1, start=sysid.oe(data[:PERIOD], 2, 2, 1)).final,
 }
 
 

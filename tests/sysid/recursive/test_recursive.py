@@ -9,6 +9,7 @@ from scipy.signal import lfilter
 from sysid import IOData, SysidWarning, armax, arx, oe, rarmax, rarx, roe
 from sysid.models.polynomials import is_stable
 from sysid.recursive.adaptation import Forgetting, Gradient, Kalman
+from sysid.recursive.error_weights import error_weights
 from tests.refusals import refused
 from tests.sysid.systems import excess_loss
 
@@ -135,6 +136,46 @@ def test_covariance_is_the_spread_of_the_last_parameters(adaptation):
         last.append(estimate.parameters)
         predicted.append(np.diag(estimate.covariance))
     np.testing.assert_allclose(np.sqrt(np.mean(predicted, axis=0)), np.std(last, axis=0), rtol=0.25)
+
+
+@pytest.mark.parametrize("adaptation", [Forgetting(1.0), Forgetting(0.99), Kalman(1e-4), Gradient(0.1)])
+def test_weights_of_the_errors_give_the_last_parameters(adaptation):
+    # an exact identity of the linear recursion: the last error is that of the start and the weighted errors
+    rng = np.random.default_rng(5)
+    gains, gradients, errors = [], [], rng.standard_normal(60)
+    memory, error_of_parameters = adaptation.enter(np.eye(2)), np.zeros(2)
+    for t, psi in enumerate(rng.standard_normal((60, 2))):
+        gain, memory = adaptation.step(memory, psi, t)
+        error_of_parameters = error_of_parameters + gain * (errors[t] - psi @ error_of_parameters)
+        gains.append(gain)
+        gradients.append(psi)
+    weights = error_weights(np.array(gains), np.array(gradients))
+    np.testing.assert_allclose(weights.T @ errors, error_of_parameters, rtol=1e-10, atol=1e-12)
+
+
+def test_warns_of_short_intervals_as_the_batch_estimate_does():
+    rng = np.random.default_rng(7)
+    u, e = rng.standard_normal((2, 120))
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -1.2, 0.5], u) + lfilter([0.4, 0.2], [1.0, -1.2, 0.5], e)
+    start = armax(IOData(u[:40], y[:40], 1.0), 2, 2, 1)
+    with pytest.warns(SysidWarning, match="118 errors for 5 parameters are few"):
+        rarmax(IOData(u[40:], y[40:], 1.0), 2, 2, 1, start=start)
+
+
+def test_errors_that_repeat_with_the_input_count_once_as_in_the_batch_estimate():
+    rng = np.random.default_rng(6)
+    u = np.resize(rng.standard_normal(80), 800)
+    y = lfilter([0.0, 1.0, 0.5], [1.0, -0.7], u + 0.5 * np.sin(3.0 * u)) + 0.1 * rng.standard_normal(800)
+    data = IOData(u, y, 1.0)
+    recursive, batch = rarx(data, 1, 2).final, arx(data, 1, 2)
+    np.testing.assert_allclose(recursive.covariance, batch.covariance, rtol=1e-6)
+    independent = recursive.diagnostics["covariance_of_independent_errors"]
+    assert np.trace(recursive.covariance) > 2.0 * np.trace(independent)
+    assert not recursive.diagnostics["warnings"]
+    # the errors of both parts are the same: nobody knows it of a start
+    with pytest.warns(SysidWarning, match="plays the same sequence"):
+        later = rarx(data[240:], 1, 2, start=arx(data[:240], 1, 2)).final
+    assert any("plays the same sequence" in text for text in later.diagnostics["warnings"])
 
 
 def test_predictor_stays_stable_in_wild_data():
