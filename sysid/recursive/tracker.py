@@ -229,6 +229,8 @@ class Tracker:
             return np.full(2, np.nan), np.zeros(2)
         shares = np.array(weights)[:, None] / sum(weights)
         mean = (shares * values).sum(axis=0)
+        if self._counts_order:
+            return mean, np.zeros(2)
         spread = self._inflation * np.array(variances) + (np.array(values) - mean) ** 2
         deviation = (shares * np.sqrt(spread)).sum(axis=0)
         return mean, np.maximum(deviation**2 - self._inflation * variance_of_fit, 0.0)
@@ -241,11 +243,16 @@ class Tracker:
         # the scores are those of steps of unit variance: over the stretch, white errors give this sum of squares
         white = fit.variance * (along**2).sum(axis=1) + np.finfo(float).tiny
         scatter = np.maximum((sums**2).sum(axis=0) / white * BLOCKS / (BLOCKS - 1), LEAST_SCATTER)
+        self._counts_order = False
         if self._group is None:
             return np.asarray(scatter)
         stretch = np.array(self._u), np.array(self._y), self._begin
         half = half_widths(fit, stretch, self._group, self._quantities, self._nk, self.dt)
-        return np.asarray(scatter if half is None else np.maximum(scatter, (half / STUDENT_95) ** 2 / white))
+        if half is None:
+            return np.asarray(scatter)
+        # too low an order is in these already: what models of other degrees differ by is not added
+        self._counts_order = True
+        return np.asarray(np.maximum(scatter, (half / STUDENT_95) ** 2 / white))
 
     def _block_sums(self, scores: FloatArray) -> FloatArray:
         """Sums of the scores (rows, 2) over ten blocks: parts of the stretch, or of the period of the input."""

@@ -27,8 +27,10 @@ bandwidth without payload; a spectral estimate from records of ten minutes agree
 estimator was changed as well, on other records (seeds from 2000), and once more after 200 runs in which intervals of
 the delay, for which the criterion asks nothing, had covered 92.3 % during the changes.
 
-Added on 2026-11-30, before any run of it: `repeating`, with the same criterion. The tracker had been changed for
-repeating commands before, on eight records with the seeds 1 to 8.
+Added on 2026-11-30, before any run: `repeating`, with the same criterion. The tracker of that morning, changed for
+repeating commands on eight records, missed it: 71 % before a change, 84 to 89 % during, 83 % after, on 150 runs from
+seed 1000. It was changed once more on 50 records from seed 2000; what stands in docs/measured/tracking.md is from seed
+4000 on.
 
 `--runs 200` continues a journal (JSON lines) where it stopped; `--quick` takes ten runs and an eighth of the hours.
 """
@@ -224,7 +226,7 @@ def report(problem, runs, hours, truth):
         print(f"\nWithout a change: {sum(one['alarms'] for one in hours)} alarms in {total:.2f} hours.", flush=True)
 
 
-def measure(problem, runs, unchanged, path):
+def measure(problem, runs, unchanged, path, first):
     """Print the tables of a problem from so many runs and unchanged records; outcomes are kept in a journal."""
     done = dict(json.loads(line) for line in path.read_text().splitlines()) if path.exists() else {}
 
@@ -244,13 +246,14 @@ def measure(problem, runs, unchanged, path):
 
     truth = once("targets", targets, problem, truths)
     print(f"{problem}: targets, Hz and s: {np.round(truth, 4).tolist()}", flush=True)
-    results = [once(f"run {k}", lambda k: outcome(draw(1000 + k, CHANGES)), k) for k in range(runs)]
+    results = [once(f"run {first + k}", lambda seed: outcome(draw(seed, CHANGES)), first + k) for k in range(runs)]
     report(problem, results, [once(f"unchanged {k}", count, k) for k in range(unchanged)], truth)
 
 
 def main():
     parser = options(__doc__)
     parser.add_argument("--runs", type=int, default=200)
+    parser.add_argument("--first", type=int, default=1000, help="seed of the first run")
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--problems", nargs="*", default=[*RECORDS], choices=RECORDS)
     parser.add_argument("--unchanged", type=int, default=16, help="unchanged records of ten minutes per problem")
@@ -258,7 +261,7 @@ def main():
     asked = parser.parse_args()
     runs, unchanged = (10, 2) if asked.quick else (asked.runs, asked.unchanged)
     for problem in asked.problems:
-        measure(problem, runs, unchanged, Path(str(asked.journal).format(problem)))
+        measure(problem, runs, unchanged, Path(str(asked.journal).format(problem)), asked.first)
 
 
 if __name__ == "__main__":
