@@ -9,7 +9,7 @@ from scenarios.thesis import findings_chapter_4 as chapter_4
 from scenarios.thesis import findings_chapter_5 as chapter_5
 from scenarios.thesis import findings_chapter_6 as chapter_6
 from scenarios.thesis.comparison import Comparison
-from scenarios.thesis.finding import CLAIMS, Finding
+from scenarios.thesis.finding import Finding
 from sysid import SysidError
 
 FINDINGS: Mapping[str, Callable[[Comparison], Finding]] = MappingProxyType(
@@ -51,9 +51,9 @@ def findings(study: Comparison) -> tuple[Finding, ...]:
     One whose record is missing, or refused by an estimator, cannot be told and says why.
     """
     decided = []
-    for key in CLAIMS:
+    for key, decide in FINDINGS.items():
         try:
-            decided.append(FINDINGS[key](study))
+            decided.append(decide(study))
         except (MissingRecordError, SysidError) as error:
             # Records may be such that an estimator refuses them; whatever else goes wrong is a fault of the study.
             refused = "" if isinstance(error, MissingRecordError) else "an estimator refuses its record: "
