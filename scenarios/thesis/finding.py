@@ -175,7 +175,9 @@ def finding_by_reading(
         sentences.append(f"Cause: {cause or 'not tried'}")
     # JSON has no word for a number that is not finite.
     finite = {name: float(number) for name, number in value.items() if np.isfinite(number)}
-    return Finding(key, decision, finite, ". ".join(filter(None, sentences)), _under_every_reading(outcomes, constructed))
+    return Finding(
+        key, decision, finite, ". ".join(filter(None, sentences)), _under_every_reading(outcomes, constructed)
+    )
 
 
 def _constructed(outcomes: Mapping[str, Parts], claim: ThesisClaim) -> tuple[str, ...]:
