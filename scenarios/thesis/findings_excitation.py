@@ -5,7 +5,7 @@ import numpy as np
 from hmtb_twin import JOINTS
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.log_review import settled
-from scenarios.experiments.registry import names
+from scenarios.experiments.registry import load, names
 from scenarios.files.errors import MissingRecordError
 from scenarios.thesis.campaign import SAME_SEQUENCE
 from scenarios.thesis.comparison import Comparison
@@ -41,7 +41,9 @@ def limited_to_10_hz(study: Comparison) -> Finding:
             if hz == limits["fastest"]:
                 smallest |= shares
     name = min(smallest, key=lambda record: smallest[record])
-    return decided_finding("F27", verdict_parts, values, {"name": name})
+    record = {**commands["table 1"], **commands["table 2"]}[name]
+    repeats = 100 * repeating_share(record, load(name).period, limits["fastest"])
+    return decided_finding("F27", verdict_parts, values, {"name": name, "repeats": repeats})
 
 
 def share_of_power(record: IOData, hz: float) -> float:
@@ -50,6 +52,25 @@ def share_of_power(record: IOData, hz: float) -> float:
     # Rounding shall not exclude the line at the limit.
     below = np.fft.rfftfreq(len(record), record.dt) <= hz + 1e-9
     return float(power[below].sum() / power.sum())
+
+
+def repeating_share(record: IOData, period: int, hz: float) -> float:
+    """Return the share of the inputs' power above a frequency, Hz, that repeats after a period, samples.
+
+    NaN where nothing but rounding lies above.
+    """
+    periods = len(record) // period
+    u = record.u[: periods * period]
+    repeated = np.tile(u.reshape(periods, period, -1).mean(axis=0), (periods, 1))
+    above = _power_above(IOData(u, u, record.dt), hz)
+    if above <= np.finfo(float).eps * np.sum(u**2):
+        return float("nan")
+    return _power_above(IOData(repeated, repeated, record.dt), hz) / above
+
+
+def _power_above(record: IOData, hz: float) -> float:
+    """Sum of squares of a record's inputs above a frequency, Hz."""
+    return float(np.sum((record.u - record.u.mean(axis=0)) ** 2) * (1.0 - share_of_power(record, hz)))
 
 
 def orders_of_excitation(study: Comparison) -> Finding:
@@ -94,7 +115,8 @@ def zero_mean(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     for joint in study.joints:
         log = study.campaign.log(single_joint_test(PRBS, joint))
-        command = settled(log, joint).u[:, 0] - log.commanded[0, JOINTS.index(joint)]
+        # Not about the first command, which holds the first bit of the sequence.
+        command = settled(log, joint).u[:, 0] - study.truth.angles[JOINTS.index(joint)]
         values[joint] = 100 * float(command.mean() ** 2 / np.mean(command**2))
     limit = 100 * CLAIMS["F30"].limits["same"]
     verdict_parts = {joint: share <= limit for joint, share in values.items()}

@@ -31,42 +31,51 @@ from sysid.models.bandwidth import HALF_POWER, gain_crossing
 TEST_NAMES = {SINES: "two sines", PRBS: "PRBS", PULSE: "pulse"}
 """Waveforms of the tests that chapter III rests on."""
 
+RELIABLE = "averaged over the periods of the PRBS"
+"""Reading of claims on nonparametric estimates, beside the thesis' own."""
+
+NAMES = {TONES: SHORT[TONES], RELIABLE: "PRBS periods"}
+"""Short names of the readings, used in keys of numbers."""
+
 
 def other_modes(study: Comparison) -> Finding:
     """F32: lobes of the cross-spectra show other modes of the system."""
     verdict_parts: dict[str, bool] = {}
     values: dict[str, float] = {}
-    lobes_of_input = lobe_count = resonance_count = 0
+    powered_lobes = lobe_count = resonance_count = 0
     for joint, result in study.joints.items():
         resonances = GRID[_peaks(np.abs(response_of(result.truth.model, GRID)))]
         resonance_count += len(resonances)
         for test in (PULSE, SINES):
             spectrum = spectrum_of(study, test, joint)
             resolution = study.nonparametric[joint].resolution_hz[test]
-            lobes, input_peaks = cross_spectrum_lobes(spectrum)
+            lobes, powered = cross_spectrum_lobes(spectrum)
             modes = _near(lobes, resonances, resolution)
             lobe_count += len(lobes)
-            lobes_of_input += int(_near(lobes, input_peaks, resolution).sum())
+            powered_lobes += int(powered.sum())
             name = TEST_NAMES[test]
             verdict_parts[f"lobes of the {name} on {joint}"] = len(lobes) > 0
             verdict_parts[f"modes by the {name} on {joint}"] = bool(modes.any())
             values |= {f"{joint}, {name}, at a resonance": modes.sum(), f"of {joint}, {name}": len(lobes)}
-    facts = {"resonances": resonance_count, "own": lobes_of_input, "lobes": lobe_count}
+    facts = {"resonances": resonance_count, "own": powered_lobes, "lobes": lobe_count}
     return decided_finding("F32", verdict_parts, values, facts)
 
 
 def cross_spectrum_lobes(spectrum: FrequencyResponse) -> tuple[np.ndarray, np.ndarray]:
-    """Return the frequencies, Hz, of the peaks above 5 Hz of the cross-spectrum, and of the input's own spectrum."""
+    """Return the frequencies, Hz, of the peaks of the cross-spectrum above 5 Hz, and whether the input has power there.
+
+    Power is what stands above the side lobes of the window.
+    """
     if spectrum.input_spectrum is None:
         raise ValueError("the spectral estimate has no input spectrum")
     input_power = spectrum.input_spectrum[:, 0, 0].real
     # The response is the ratio of the two; where a lag window leaves no input power there is none.
     told = np.isfinite(spectrum.response[:, 0, 0]) & (input_power > 0.0)
-    frequencies, input_power = spectrum.frequencies[told], input_power[told]
-    cross = np.abs(spectrum.response[told, 0, 0]) * input_power
+    cross = np.abs(spectrum.response[told, 0, 0]) * input_power[told]
     # Densities are powers: their roots have the decibels of a gain.
-    lobes = frequencies[_peaks(np.sqrt(cross))]
-    return lobes[lobes > CLAIMS["F32"].limits["above"]], frequencies[_peaks(np.sqrt(input_power))]
+    lobes = _peaks(np.sqrt(cross))
+    above = spectrum.frequencies[told][lobes] > CLAIMS["F32"].limits["above"]
+    return spectrum.frequencies[told][lobes][above], excited_lines(spectrum)[told][lobes][above]
 
 
 def _peaks(magnitude: np.ndarray) -> np.ndarray:
@@ -90,7 +99,8 @@ def order_from_correlation(study: Comparison) -> Finding:
         _, poles, _ = SUFFICIENT[joint]
         verdict_parts[joint] = peak == poles
         values |= {f"{joint}, peak": peak, f"{joint}, poles": poles}
-    return decided_finding("F33", verdict_parts, values, {})
+    delays = [result.truth.delay_samples for result in study.joints.values()]
+    return decided_finding("F33", verdict_parts, values, {"own": delays})
 
 
 def moderate_disturbances(study: Comparison) -> Finding:
@@ -148,23 +158,31 @@ def coloured_noise(study: Comparison) -> Finding:
     return decided_finding("F37", verdict_parts, values, {})
 
 
+def nonparametric_estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
+    """The thesis' own estimate, and the best there is: averaged over the periods of the PRBS, at reliable lines."""
+    return {
+        TONES: response_estimates(study, joint)[TONES],
+        RELIABLE: study.nonparametric[joint].repeated[PRBS].reliable_response(),
+    }
+
+
 def parametric_more_accurate(study: Comparison) -> Finding:
     """F38: parametric models are more accurate than nonparametric estimates."""
     limits = CLAIMS["F38"].limits
-    readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
+    readings: dict[str, dict[str, bool]] = {TONES: {}, RELIABLE: {}}
     values: dict[str, float] = {}
     for joint, result in study.joints.items():
         models = {"SysID": result.chosen, "OKID": result.models["okid"]}
-        for reading, response in response_estimates(study, joint).items():
+        for reading, response in nonparametric_estimates(study, joint).items():
             band = (response.frequencies >= limits["low"] - 1e-9) & (response.frequencies <= limits["high"] + 1e-9)
             f = response.frequencies[band]
             truth = best_linear_at(result, f)
             nonparametric = error_percent(response.response[band, 0, 0], truth)
-            values[f"{joint}, {SHORT[reading]}"] = nonparametric
+            values[f"{joint}, {NAMES[reading]}"] = nonparametric
             for kind, model in models.items():
                 error = error_percent(response_of(model.estimate.model, f), truth)
                 readings[reading][f"{kind} on {joint}"] = error < nonparametric
-                values[f"{joint}, {kind} there, {SHORT[reading]}"] = error
+                values[f"{joint}, {kind} there, {NAMES[reading]}"] = error
     return finding_by_reading("F38", readings, values, {})
 
 
@@ -174,7 +192,7 @@ def agrees_with_nonparametric(study: Comparison) -> Finding:
     verdict_parts: dict[str, bool] = {}
     values: dict[str, float] = {}
     for joint, result in study.joints.items():
-        response = response_estimates(study, joint)[LINES]
+        response = nonparametric_estimates(study, joint)[RELIABLE]
         band = (response.frequencies >= limits["low"] - 1e-9) & (response.frequencies <= limits["high"] + 1e-9)
         f, estimate = response.frequencies[band], response.response[band, 0, 0]
         for method in COMPARED:

@@ -48,6 +48,15 @@ def test_the_share_of_power_counts_both_lines():
     assert findings.share_of_power(record, 15.0) == pytest.approx(1.0)
 
 
+def test_what_repeats_with_the_file_is_told_from_noise():
+    """Lines of 15 Hz, and white noise, of which two fifths of the band lie below 10 Hz."""
+    noise = np.random.default_rng(6).standard_normal(100_000)
+    wave = np.sin(2 * np.pi * 15.0 * 0.02 * np.arange(100_000))
+    for level, share in ((0.0, 1.0), (1.0, 0.5 / (0.5 + 0.6))):
+        u = (wave + level * noise)[:, None]
+        assert findings.repeating_share(IOData(u, u, 0.02), 100, 10.0) == pytest.approx(share, abs=0.02)
+
+
 @pytest.mark.parametrize(
     ("sines", "sequence", "verdict"),
     [
@@ -101,8 +110,7 @@ def test_a_mean_counts_beside_the_motion_about_the_start(study, mean, verdict):
     for joint in STUDIED_JOINTS:
         log = study.campaign.log(f"siso-5-{joint}")
         swing = np.resize([1.0, -1.0], len(log.commanded)) + mean
-        swing[0] = 0.0
-        changed = with_log(changed, log.name, replace(log, commanded=log.commanded[0] + 0.01 * swing[:, None]))
+        changed = with_log(changed, log.name, replace(log, commanded=study.truth.angles + 0.01 * swing[:, None]))
     decided = findings.zero_mean(changed)
     assert decided.verdict == verdict
     assert decided.value[YAW] == pytest.approx(100 * mean**2 / (1 + mean**2), abs=0.01)

@@ -55,15 +55,17 @@ def test_a_lobe_is_a_mode_where_the_truth_has_a_resonance(study, lobe, resonance
     decided = findings.other_modes(_spectra(truths, response, np.ones(len(GRID))))
     assert decided.verdict == verdict
     if verdict == "partly":
-        assert "0 of 6 lobes lie at peaks of the input's own spectrum" in decided.why
+        assert "6 of 6 lobes lie where the input stands above" in decided.why
 
 
-def test_lobes_of_the_input_itself_are_counted(study):
-    power = 1.0 + 30.0 * np.exp(-(((GRID - 9.0) / 0.3) ** 2))
+def test_lobes_without_input_are_counted(study):
+    """Of two lobes one lies where the input has a thousandth of its power, the other at the edge of that band."""
+    power = np.where(np.abs(GRID - 9.0) < 2.0, 1e-3, 1.0)
+    response = (1.0 + 5.0 * np.exp(-(((GRID - 9.0) / 0.3) ** 2))) / (1.0 + GRID)
     truths = with_joints(study, lambda result: {"truth": replace(result.truth, model=_resonant(0.0))})
-    decided = findings.other_modes(_spectra(truths, 1.0 / (1.0 + GRID), power))
+    decided = findings.other_modes(_spectra(truths, response, power))
     assert decided.verdict == "partly"
-    assert "6 of 6 lobes lie at peaks of the input's own spectrum" in decided.why
+    assert "6 of 12 lobes lie where the input stands above" in decided.why
 
 
 def _peaks_at(study, lags):
@@ -160,7 +162,8 @@ def test_errors_to_the_best_linear_truth_decide_on_accuracy(study, monkeypatch, 
     changed = with_joints(study, same_models)
     f = np.arange(1, 30) * 0.3
     flat = FrequencyResponse(f, np.full((len(f), 1, 1), 3.0 + 0j), 0.02, "spa")
-    monkeypatch.setattr(findings, "response_estimates", lambda study, joint: {TONES: flat, LINES: flat})
+    estimates = {TONES: flat, findings.RELIABLE: flat}
+    monkeypatch.setattr(findings, "nonparametric_estimates", lambda study, joint: estimates)
 
     def truth(result, frequencies):
         of_model = joint_models[result.joint].frequency_response(frequencies)[:, 0, 0]
@@ -177,9 +180,9 @@ def test_models_within_3_db_of_the_estimate_agree_with_it(study, monkeypatch, fa
 
     def estimates(study, joint):
         model = study.joints[joint].models["oe"].estimate.model
-        return {LINES: FrequencyResponse(f, factor * model.frequency_response(f), 0.02, "spa")}
+        return {findings.RELIABLE: FrequencyResponse(f, factor * model.frequency_response(f), 0.02, "spa")}
 
-    monkeypatch.setattr(findings, "response_estimates", estimates)
+    monkeypatch.setattr(findings, "nonparametric_estimates", estimates)
     same = with_joints(
         study,
         lambda result: {

@@ -144,9 +144,9 @@ def _measured(study, test, times, shift=0):
 
 @pytest.mark.parametrize(
     ("times", "oe", "verdict"),
-    [(2.0, 95.0, "reproduced"), (1.0, 95.0, "not reproduced"), (2.0, 50.0, "partly"), (1.0, 50.0, "not reproduced")],
+    [(2.0, 95.0, "reproduced"), (1.0, 95.0, "partly"), (2.0, 50.0, "partly"), (1.0, 50.0, "not reproduced")],
 )
-def test_peaks_of_the_prbs_record_decide_and_the_fit_of_oe_does_not(study, times, oe, verdict):
+def test_peaks_and_fit_of_the_prbs_record_decide(study, times, oe, verdict):
     changed = _measured(study, 5, times)
     for method, fit in (("oe", oe), ("armax", 90.0)):
         changed = with_model_of_joints(
@@ -155,7 +155,6 @@ def test_peaks_of_the_prbs_record_decide_and_the_fit_of_oe_does_not(study, times
     decided = findings.yaw_oe_follows_the_mean(changed)
     assert decided.verdict == verdict
     assert decided.value["share of the peaks"] == pytest.approx(1 / times, rel=0.02)
-    assert ("not counted: better than ARMAX" in decided.why) == (oe > 90.0)
 
 
 @pytest.mark.parametrize(
