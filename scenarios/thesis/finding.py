@@ -107,6 +107,21 @@ CLAIMS: Mapping[str, ThesisClaim] = _read_claims()
 
 
 @dataclass(frozen=True)
+class UndecidedClaim:
+    """A claim of the thesis that the twin cannot decide, and the reason."""
+
+    claim: str
+    where: str
+    why: str
+
+
+UNDECIDED: tuple[UndecidedClaim, ...] = tuple(
+    UndecidedClaim(**row) for row in package_table("undecided_claims.toml")["undecided"]
+)
+"""Claims that the twin cannot decide, in the thesis' order; `scenarios/data/undecided_claims.toml` holds the table."""
+
+
+@dataclass(frozen=True)
 class Finding:
     """A finding with its verdict and the numbers it rests on.
 

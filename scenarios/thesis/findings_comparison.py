@@ -121,7 +121,7 @@ def due_to_output_error(study: Comparison) -> Finding:
         "ARMAX, lags outside": 100 * outside["armax"] / LAGS,
         "OE, lags outside": 100 * outside["oe"] / LAGS,
     }
-    return decided_finding("F61", verdict_parts, values, {})
+    return decided_finding("F61", verdict_parts, values, {"lead": lead, **outside})
 
 
 def chirp_residuals(study: Comparison) -> Finding:
@@ -163,11 +163,13 @@ def yaw_near_10_hz(study: Comparison) -> Finding:
     truth = best_linear_at(study.joints[YAW], f)
     verdict_parts: dict[str, bool] = {}
     values: dict[str, float] = {}
-    for model in study.multivariable.pair():
+    facts: dict[str, object] = {}
+    for name, model in zip(("prediction_error", "okid"), study.multivariable.pair(), strict=True):
         differences = largest_differences(response_of(model.blocks[YAW], f), truth)
         verdict_parts[model.kind] = not agree(differences, limits)
         values |= differences_by_name(model.kind, differences)
-    return decided_finding("F64", verdict_parts, values, {})
+        facts[name] = differences
+    return decided_finding("F64", verdict_parts, values, facts)
 
 
 def okid_more_accurate(study: Comparison) -> Finding:
@@ -183,7 +185,11 @@ def okid_more_accurate(study: Comparison) -> Finding:
             errors[model.kind] = error_percent(response_of(model.blocks[joint], f), truth)
         verdict_parts[joint] = errors["OKID"] < errors["SysID"]
         values |= {f"{joint}, {kind}": error for kind, error in errors.items()}
-    return decided_finding("F65", verdict_parts, values, {})
+    facts = {
+        "prediction_error": [values[f"{joint}, SysID"] for joint in study.joints],
+        "okid": [values[f"{joint}, OKID"] for joint in study.joints],
+    }
+    return decided_finding("F65", verdict_parts, values, facts)
 
 
 def majority_of_records(study: Comparison) -> Finding:
@@ -192,6 +198,7 @@ def majority_of_records(study: Comparison) -> Finding:
     prediction_error, okid = study.multivariable.pair()
     readings: dict[str, Parts] = {}
     values: dict[str, float] = {}
+    counted: list[str] = []
     for way in WAYS:
         leads = [okid.fit(name).mean(way) - prediction_error.fit(name).mean(way) for name in names]
         better, worse = sum(map(ahead, leads)), sum(ahead(-lead) for lead in leads)
@@ -201,7 +208,8 @@ def majority_of_records(study: Comparison) -> Finding:
             f"of, {words(way)}": len(names),
             f"SysID ahead, {words(way)}": worse,
         }
-    return finding_by_reading("F66", readings, values, {})
+        counted.append(f"{WORDS[way]} OKID is ahead on {better} and SysID on {worse} of {len(names)} records")
+    return finding_by_reading("F66", readings, values, {"counted": "; ".join(counted)})
 
 
 def better_overall(study: Comparison) -> Finding:
@@ -232,10 +240,15 @@ def valid_locally(study: Comparison) -> Finding:
     }
     verdict_parts: dict[str, bool] = {}
     values: dict[str, float] = {}
+    gains: list[float] = []
+    phases: list[float] = []
     for joint, result in study.joints.items():
         truth = response_of(result.truth.model, f)
         for change, other_truth in elsewhere.items():
             differences = largest_differences(response_of(other_truth.joint(joint).model, f), truth)
             verdict_parts[f"{change} on {joint}"] = not agree(differences, limits)
             values |= differences_by_name(f"{joint}, {change}", differences)
-    return decided_finding("F69", verdict_parts, values, {})
+            gains.append(differences[0])
+            phases.append(differences[1])
+    facts = {"decibel_found": max(gains), "degrees_found": max(phases)}
+    return decided_finding("F69", verdict_parts, values, facts)

@@ -90,7 +90,11 @@ def orders_of_excitation(study: Comparison) -> Finding:
         verdict_parts[f"two sines on {joint}"] = of_sines >= limits["sines"]
         verdict_parts[f"PRBS on {joint}"] = all(order in full_orders for order in of_files)
         values |= {f"{joint}, two sines": of_sines, f"{joint}, PRBS file": min(of_files)}
-    return decided_finding("F28", verdict_parts, values, {})
+    facts = {
+        "of_sines": [str(values[f"{joint}, two sines"]) for joint in study.joints],
+        "of_files": [str(values[f"{joint}, PRBS file"]) for joint in study.joints],
+    }
+    return decided_finding("F28", verdict_parts, values, facts)
 
 
 def noise_on_the_input(study: Comparison) -> Finding:
@@ -107,7 +111,11 @@ def noise_on_the_input(study: Comparison) -> Finding:
         verdict_parts[f"noise on {joint}"] = noise >= limits["noise"]
         verdict_parts[f"hold on {joint}"] = rests >= limits["held"]
         values |= {f"{joint}, noise": 100 * noise, f"{joint}, rests": 100 * rests}
-    return decided_finding("F29", verdict_parts, values, {})
+    facts = {
+        "noises": [values[f"{joint}, noise"] for joint in study.joints],
+        "rests": [values[f"{joint}, rests"] for joint in study.joints],
+    }
+    return decided_finding("F29", verdict_parts, values, facts)
 
 
 def zero_mean(study: Comparison) -> Finding:
@@ -120,7 +128,7 @@ def zero_mean(study: Comparison) -> Finding:
         values[joint] = 100 * float(command.mean() ** 2 / np.mean(command**2))
     limit = 100 * CLAIMS["F30"].limits["same"]
     verdict_parts = {joint: share <= limit for joint, share in values.items()}
-    return decided_finding("F30", verdict_parts, values, {})
+    return decided_finding("F30", verdict_parts, values, {"shares": list(values.values())})
 
 
 def pulse_around_1_hz(study: Comparison) -> Finding:
@@ -138,4 +146,8 @@ def pulse_around_1_hz(study: Comparison) -> Finding:
         verdict_parts[f"strongest line on {joint}"] = bool(np.isclose(strongest, limits["at"]))
         verdict_parts[f"power on {joint}"] = share > limits["most"]
         values |= {f"{joint}, strongest line": strongest, f"{joint}, power up to 1.5 Hz": share}
-    return decided_finding("F31", verdict_parts, values, {})
+    facts = {
+        "strongest": [values[f"{joint}, strongest line"] for joint in study.joints],
+        "shares": [values[f"{joint}, power up to 1.5 Hz"] for joint in study.joints],
+    }
+    return decided_finding("F31", verdict_parts, values, facts)

@@ -43,7 +43,7 @@ def deadbeat(study: Comparison) -> Finding:
             if model.method == "okid":
                 printed.append(_farthest_eigenvalue(model.model))
     verdict_parts = {joint: modulus <= CLAIMS["F50"].limits["modulus"] for joint, modulus in values.items()}
-    return decided_finding("F50", verdict_parts, values, {"printed": [f"{modulus:.2f}" for modulus in printed]})
+    return decided_finding("F50", verdict_parts, values, {"moduli": list(values.values()), "printed": printed})
 
 
 def _farthest_eigenvalue(model: StateSpace) -> float:
@@ -62,7 +62,11 @@ def observer_decays_faster(study: Comparison) -> Finding:
             ratio = decay_ratio(model)
             verdict_parts[f"with p = {p} on {joint}"] = ratio >= limits["times"]
             values[f"{joint}, p = {p}"] = ratio
-    return decided_finding("F51", verdict_parts, values, {})
+    facts = {
+        "cut": [values[f"{joint}, p = {P}"] for joint in study.joints],
+        "ratios": [values[f"{joint}, p = {many}"] for joint in study.joints],
+    }
+    return decided_finding("F51", verdict_parts, values, facts)
 
 
 def decay_ratio(model: Estimate) -> float:
@@ -109,7 +113,8 @@ def valid_below_1_hz(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     for name, difference in differences.items():
         values |= differences_by_name(name, difference)
-    return decided_finding("F53", verdict_parts, values, {})
+    facts = {"below": differences["below 1 Hz"], "above": differences["above 1 Hz"]}
+    return decided_finding("F53", verdict_parts, values, facts)
 
 
 def predicts_own_record(study: Comparison) -> Finding:
@@ -127,7 +132,7 @@ def predicts_own_record(study: Comparison) -> Finding:
         },
     }
     values = {"simulation": fit.simulation, "one step": fit.one_step, "no motion": still}
-    return finding_by_reading("F54", readings, values, {"still": still})
+    return finding_by_reading("F54", readings, values, {"still": still, "fits": (fit.simulation, fit.one_step)})
 
 
 def follows_the_chirp(study: Comparison) -> Finding:
@@ -141,7 +146,8 @@ def follows_the_chirp(study: Comparison) -> Finding:
     for way in WAYS:
         percent = getattr(fit, way)
         readings[WORDS[way]] = {"good": percent > limits["good"], "very low residuals": percent >= limits["low"]}
-    return finding_by_reading("F55", readings, values, {"still": unchanged_fit(result.data[CHIRP])})
+    facts = {"still": unchanged_fit(result.data[CHIRP]), "fits": (fit.simulation, fit.one_step)}
+    return finding_by_reading("F55", readings, values, facts)
 
 
 def not_the_kalman_filter(study: Comparison) -> Finding:
@@ -149,7 +155,7 @@ def not_the_kalman_filter(study: Comparison) -> Finding:
     tests = {joint: _okid(result).residual_test for joint, result in study.joints.items()}
     verdict_parts = {joint: not test.white[0] for joint, test in tests.items()}
     values = {joint: float(test.whiteness_p[0]) for joint, test in tests.items()}
-    return decided_finding("F56", verdict_parts, values, {})
+    return decided_finding("F56", verdict_parts, values, {"p": list(values.values())})
 
 
 def higher_orders_fit_better(study: Comparison) -> Finding:

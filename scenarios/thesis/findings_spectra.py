@@ -99,8 +99,12 @@ def order_from_correlation(study: Comparison) -> Finding:
         _, poles, _ = SUFFICIENT[joint]
         verdict_parts[joint] = peak == poles
         values |= {f"{joint}, peak": peak, f"{joint}, poles": poles}
-    delays = [result.truth.delay_samples for result in study.joints.values()]
-    return decided_finding("F33", verdict_parts, values, {"own": delays})
+    facts = {
+        "own": [result.truth.delay_samples for result in study.joints.values()],
+        "peaks": [str(values[f"{joint}, peak"]) for joint in study.joints],
+        "poles": [str(values[f"{joint}, poles"]) for joint in study.joints],
+    }
+    return decided_finding("F33", verdict_parts, values, facts)
 
 
 def moderate_disturbances(study: Comparison) -> Finding:
@@ -114,7 +118,7 @@ def moderate_disturbances(study: Comparison) -> Finding:
             share = estimates.repeated[test].disturbance_share
             verdict_parts[f"{name} on {joint}"] = share <= CLAIMS["F34"].limits["moderate"]
             values[f"{joint}, {name}"] = 100 * share
-    return decided_finding("F34", verdict_parts, values, {})
+    return decided_finding("F34", verdict_parts, values, {"least": min(values.values()), "most": max(values.values())})
 
 
 def bandwidth_needed(study: Comparison) -> Finding:
@@ -155,7 +159,7 @@ def coloured_noise(study: Comparison) -> Finding:
     tests = {joint: result.models["oe_high"].residual_test for joint, result in study.joints.items()}
     verdict_parts = {joint: not test.white[0] for joint, test in tests.items()}
     values = {joint: float(test.whiteness_p[0]) for joint, test in tests.items()}
-    return decided_finding("F37", verdict_parts, values, {})
+    return decided_finding("F37", verdict_parts, values, {"p": list(values.values())})
 
 
 def nonparametric_estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:

@@ -136,7 +136,7 @@ def yaw_oe_follows_the_mean(study: Comparison) -> Finding:
         "better than ARMAX": ahead(fits["oe"] - fits["armax"]),
     }
     values = {"share of the peaks": share, "OE less ARMAX": fits["oe"] - fits["armax"]}
-    return decided_finding("F46", verdict_parts, values, fits)
+    return decided_finding("F46", verdict_parts, values, {"share": share, **fits})
 
 
 def yaw_oe_at_10_hz(study: Comparison) -> Finding:
@@ -160,7 +160,7 @@ def yaw_oe_at_10_hz(study: Comparison) -> Finding:
         "gain at 10 Hz": gains[1],
     }
     true = np.abs(best_linear_at(result, SINE_FREQUENCIES)).tolist()
-    return decided_finding("F47", verdict_parts, values, {"true": true})
+    return decided_finding("F47", verdict_parts, values, {"true": true, "distance": distance, "share": share})
 
 
 def structures_agree(study: Comparison) -> Finding:
@@ -184,4 +184,4 @@ def linear_enough(study: Comparison) -> Finding:
     distortion = {joint: result.best_linear.distortion_percent for joint, result in study.joints.items()}
     limit = 100 * CLAIMS["F49"].limits["small"]
     verdict_parts = {joint: percent <= limit for joint, percent in distortion.items()}
-    return decided_finding("F49", verdict_parts, distortion, {})
+    return decided_finding("F49", verdict_parts, distortion, {"percent": list(distortion.values())})
