@@ -59,6 +59,7 @@ def near_the_origin(study: Comparison) -> Finding:
             with_pole.append(words(joint))
         if zeros:
             with_zero.append(words(joint))
+    # The map of the three joints shows roots of all of them: only within a joint do they cancel.
     both = [joint for joint in with_pole if joint in with_zero]
     verdict_parts = {
         "pole and zero near the origin": bool(with_pole and with_zero),
@@ -111,6 +112,7 @@ def due_to_output_error(study: Comparison) -> Finding:
     for method, model in models.items():
         outside[method] = int(sysid.resid(model, record, lags=LAGS, level=LEVEL).outside_whiteness[0])
         simulation[method] = fits(model, record).simulation
+    # Simulated, neither is helped by a noise model: what is left is how well each structure holds the dynamics.
     lead = simulation["armax"] - simulation["oe"]
     verdict_parts = {
         "ARMAX whiter": outside["armax"] < outside["oe"],
@@ -132,6 +134,7 @@ def chirp_residuals(study: Comparison) -> Finding:
     tests = {model.kind: model.residual_test(FAST_CHIRP) for model in study.multivariable.pair()}
     outside = {kind: outside_share(test) for kind, test in tests.items()}
     prediction_error, okid = outside["SysID"], outside["OKID"]
+    # As figure 83 shows them: in angle, not relative to how far each joint moves.
     sizes = 1000 * tests["SysID"].residuals.std(axis=0)
     size_of = dict(zip(STUDIED_JOINTS, map(float, sizes), strict=True))
     verdict_parts = {
@@ -194,6 +197,7 @@ def okid_more_accurate(study: Comparison) -> Finding:
 
 def majority_of_records(study: Comparison) -> Finding:
     """F66: OKID fits a majority of the multi-input data sets better."""
+    # The exchange has a verdict of its own, F18.
     names = [name for name in study.multivariable.records if name != RPCM and not plays_identified_sequence(name)]
     prediction_error, okid = study.multivariable.pair()
     readings: dict[str, Parts] = {}
@@ -233,6 +237,7 @@ def valid_locally(study: Comparison) -> Finding:
     """F69: the models are valid in a localized region and with one loading only."""
     limits = CLAIMS["F69"].limits
     f = logarithmic_grid(limits["low"], limits["high"])
+    # Small-signal truths take milliseconds, and no friction hides what changes with pose and loading.
     arm = study.campaign.condition.arm()
     elsewhere = {
         "another loading": linearize(load_arm(arm.variant, "none"), amplitudes=()),

@@ -21,6 +21,7 @@ TWO_SINES = (2, 3, 4)
 def limited_to_10_hz(study: Comparison) -> Finding:
     """F27: all excitations were limited to 10 Hz, well below the Nyquist frequency."""
     limits = CLAIMS["F27"].limits
+    # The commands as recorded, which is what the thesis analyses, not the files.
     commands: dict[str, dict[str, IOData]] = {"table 1": {}, "table 2": {}}
     for result in study.joints.values():
         for record in result.data.values():
@@ -48,6 +49,7 @@ def limited_to_10_hz(study: Comparison) -> Finding:
 
 def share_of_power(record: IOData, hz: float) -> float:
     """Return the share of the power of a record's inputs, without their means, up to a frequency in Hz."""
+    # Every settled record holds whole periods of its file, but for noise: no window is needed.
     power = (np.abs(np.fft.rfft(record.u - record.u.mean(axis=0), axis=0)) ** 2).sum(axis=1)
     # Rounding shall not exclude the line at the limit.
     below = np.fft.rfftfreq(len(record), record.dt) <= hz + 1e-9
@@ -107,6 +109,7 @@ def noise_on_the_input(study: Comparison) -> Finding:
         command = study.campaign.single(SINES, joint).u[:, 0]
         spectra = estimates.repeated[SINES]
         noise = np.sqrt(np.sum(spectra.input * (1.0 - spectra.repeating)) / np.sum(spectra.input))
+        # Rounding gives a held command exactly the same value again.
         rests = np.mean(np.diff(command) == 0.0)
         verdict_parts[f"noise on {joint}"] = noise >= limits["noise"]
         verdict_parts[f"hold on {joint}"] = rests >= limits["held"]

@@ -72,6 +72,7 @@ def observer_decays_faster(study: Comparison) -> Finding:
 def decay_ratio(model: Estimate) -> float:
     """Mean lag of the system's Markov parameters over the larger mean lag of its observer's, of input and output."""
     of_observer = []
+    # Figure 50 shows both; the slower decides, since both are needed to realise the model.
     for name in ("observer_markov_u", "observer_markov_y"):
         of_observer.append(mean_lag(np.asarray(model.diagnostics[name])[:, 0, 0]))
     # Without the direct term, which stands at lag 0 in both.
@@ -86,6 +87,7 @@ def mean_lag(parameters: np.ndarray) -> float:
 
 def many_parameters(study: Comparison) -> Finding:
     """F52: the many independent Markov parameters of yaw come from its nonlinearity."""
+    # Without friction nothing of weight is left that is not linear: what needs fewer there needed them for it.
     needed = {joint: markov_parameters_needed(study.campaign.own(joint)) for joint in study.joints}
     smooth = {joint: markov_parameters_needed(study.campaigns[1].own(joint)) for joint in study.joints}
     verdict_parts = {f"more than {joint}": needed[YAW] > needed[joint] for joint in PITCHES}
@@ -166,6 +168,7 @@ def higher_orders_fit_better(study: Comparison) -> Finding:
         parts: dict[str, bool] = {}
         for joint in PITCHES:
             fits = _fits_by_order(study.observers[joint].shares, way)
+            # The best of them: the thesis says that some higher order may fit better, not which.
             lead = max(fit for order, fit in fits.items() if order > ORDER) - fits[ORDER]
             parts[joint] = ahead(lead)
             values[f"{joint}, {way.replace('_', ' ')}"] = lead

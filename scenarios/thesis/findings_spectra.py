@@ -50,6 +50,7 @@ def other_modes(study: Comparison) -> Finding:
             spectrum = spectrum_of(study, test, joint)
             resolution = study.nonparametric[joint].resolution_hz[test]
             lobes, powered = cross_spectrum_lobes(spectrum)
+            # A window widens a line by its resolution: a lobe may lie that far from the mode that makes it.
             modes = _near(lobes, resonances, resolution)
             lobe_count += len(lobes)
             powered_lobes += int(powered.sum())
@@ -96,6 +97,7 @@ def order_from_correlation(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     for joint, estimates in study.nonparametric.items():
         peak = int(np.argmax(estimates.delay.correlations[:, 0, 0]))
+        # Chosen on records without friction and of other seeds: not by the correlations that it is laid beside.
         _, poles, _ = SUFFICIENT[joint]
         verdict_parts[joint] = peak == poles
         values |= {f"{joint}, peak": peak, f"{joint}, poles": poles}
@@ -140,12 +142,14 @@ def error_sources(study: Comparison) -> Finding:
     verdict_parts: dict[str, bool] = {}
     values: dict[str, float] = {}
     for joint, result in study.joints.items():
+        # The same sequence and the same noise, played on the arm without friction.
         smooth = study.campaigns[1].own(joint)
         left = period_spectra(smooth, load(single_joint_test(PRBS, joint)).period).disturbance.sum()
         ratio = float(left / study.nonparametric[joint].repeated[PRBS].disturbance.sum())
         response = response_estimates(study, joint)[TONES]
         estimate, truth = response.response[:, 0, 0], best_linear_at(result, response.frequencies)
         powered = excited_lines(response)
+        # Between the two lines the estimate is leakage of the window, which is what resolution means here.
         weak_error = error_percent(estimate[~powered], truth[~powered])
         times = weak_error / error_percent(estimate[powered], truth[powered])
         verdict_parts[f"random errors on {joint}"] = ratio <= limits["half"]

@@ -77,6 +77,7 @@ def yaw_most_nonlinear(study: Comparison) -> Finding:
     missing = [words(joint) for joint in study.joints if joint not in states]
     if missing:
         raise MissingRecordError(f"no record of {', '.join(missing)} to judge orders by")
+    # Distortion does not depend on the seed; the orders that suffice do.
     pitches = [joint for joint in study.joints if joint != YAW]
     verdict_parts = {"most nonlinear": distortion[YAW] > max(distortion[joint] for joint in pitches)}
     for joint in pitches:
@@ -89,6 +90,7 @@ def yaw_most_nonlinear(study: Comparison) -> Finding:
 def yaw_armax_best(study: Comparison) -> Finding:
     """F43: on yaw ARMAX does not follow its own record very well, but is the best on other data sets."""
     fits = flexibility(study, YAW)
+    # Figure 42 compares the model output, not a prediction from the measurement.
     own = _estimation_model(study, YAW, "armax").own.simulation
     verdict_parts = {
         "own record not followed": own <= CLAIMS["F43"].limits["follows"],
@@ -105,6 +107,7 @@ def yaw_without_the_pair(study: Comparison) -> Finding:
     if not judges:
         raise MissingRecordError("no record of yaw of another waveform than the estimation test")
     smaller = estimate(data[study.estimation_test], "armax", WITHOUT_THE_PAIR)
+    # Both by the same function and on the same records, so that only the pair differs.
     with_pair = simulation_fit(study.joints[YAW].models["armax"].estimate, judges)
     without = simulation_fit(smaller, judges)
     # Two unstable models are level; their difference would be NaN.

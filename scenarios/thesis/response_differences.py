@@ -27,6 +27,7 @@ def response_of(model: StateSpace, frequencies: np.ndarray) -> np.ndarray:
 
 def logarithmic_grid(low: float, high: float) -> np.ndarray:
     """Return frequencies between two, Hz, with the same weight for every octave (100,)."""
+    # A Bode plot is read on such an axis, and it is Bode plots that the thesis calls comparable.
     return np.geomspace(low, high, 100)
 
 

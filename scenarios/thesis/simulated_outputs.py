@@ -16,7 +16,9 @@ def simulated(model: StateSpace, record: IOData) -> np.ndarray:
 
 def peak_share(measured: np.ndarray, model_output: np.ndarray) -> float:
     """Return simulated over measured output (N,) at the measured peaks: below one where a model misses them."""
+    # Not local maxima: noise of reading makes one of every few samples.
     peaks = np.abs(measured) >= np.quantile(np.abs(measured), 1.0 - PEAKS)
+    # With the side on which the measurement is: a model on the other side does not reach the peak.
     sides = np.sign(measured[peaks])
     return float(np.sum(sides * model_output[peaks]) / np.sum(sides * measured[peaks]))
 
@@ -31,7 +33,9 @@ def crossing_distance(measured: np.ndarray, model_output: np.ndarray) -> float:
         return float("inf")
     after = np.searchsorted(of_model, crossings).clip(1, len(of_model) - 1) if len(of_model) > 1 else 0
     before = np.maximum(np.asarray(after) - 1, 0)
+    # The nearest of the model's crossings is the last before or the first after.
     distances = np.minimum(np.abs(crossings - of_model[after]), np.abs(crossings - of_model[before]))
+    # A median: where the signal only grazes zero, a crossing of one has none of the other near it.
     return float(np.median(distances))
 
 
