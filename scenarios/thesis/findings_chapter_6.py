@@ -137,12 +137,12 @@ def exchange_fit(study: Comparison) -> Finding:
     # Simulated, SysID's shoulder pitch with its K of zero is on equal terms; one step ahead it loses by construction.
     judged: dict[Way, tuple[str, ...]] = {"one_step": STUDIED_JOINTS, "simulation": (SHOULDER,)}
     for way, joints in judged.items():
-        words_of_way = WORDS[way]
+        does = "predicts" if way == "one_step" else "simulates"
         for joint in joints:
-            verdict_parts[f"OKID ahead on {joint}, {words_of_way}"] = ahead(lead[way][joint])
+            verdict_parts[f"OKID {does} better on {joint}"] = ahead(lead[way][joint])
         fits = prediction_error.fit(RPCM).of(way)
         leads_over_shoulder = [fits[joint] - fits[SHOULDER] for joint in (YAW, ELBOW)]
-        verdict_parts[f"SysID worst on {SHOULDER}, {words_of_way}"] = all(map(ahead, leads_over_shoulder))
+        verdict_parts[f"SysID {does} worst on {SHOULDER}"] = all(map(ahead, leads_over_shoulder))
     values = _values_by_name(lead)
     facts = {"reach": within_reach(study, (RPCM,))}
     return decided_finding("F18", verdict_parts, values, facts | remarks(study, values))

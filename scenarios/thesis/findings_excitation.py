@@ -44,7 +44,9 @@ def limited_to_10_hz(study: Comparison) -> Finding:
     name = min(smallest, key=lambda record: smallest[record])
     record = {**commands["table 1"], **commands["table 2"]}[name]
     repeats = 100 * repeating_share(record, load(name).period, limits["fastest"])
-    return decided_finding("F27", verdict_parts, values, {"name": name, "repeats": repeats})
+    return decided_finding(
+        "F27", verdict_parts, values, {"name": name, "repeats": repeats, "least": 100 * smallest[name]}
+    )
 
 
 def share_of_power(record: IOData, hz: float) -> float:

@@ -119,17 +119,17 @@ def test_who_is_ahead_on_the_exchange_decides(study):
     worse, better = (findings.exchange_fit(_with_okid(study, _moved(by))) for by in (-2.0, 2.0))
     assert list(worse.value.values()) == pytest.approx([-2.0] * 6)
     assert list(better.value.values()) == pytest.approx([2.0] * 6)
-    ahead = {name for name in worse.parts if name.startswith("OKID ahead")}
+    ahead = {name for name in worse.parts if name.startswith("OKID ")}
     assert len(ahead) == 4
     assert not any(worse.parts[name] for name in ahead)
-    assert all(holds for name, holds in better.parts.items() if name.startswith("OKID ahead"))
+    assert all(holds for name, holds in better.parts.items() if name.startswith("OKID "))
 
 
 def test_the_exchange_is_decided_one_step_ahead_and_in_simulation_where_k_is_zero(study):
     for simulation, one_step in ((-2.0, 2.0), (2.0, -2.0)):
         decided = findings.exchange_fit(_with_okid(study, _moved(simulation, one_step)))
-        assert decided.parts["OKID ahead on shoulder yaw, one step ahead"] == (one_step > 0)
-        assert decided.parts["OKID ahead on shoulder pitch, in simulation"] == (simulation > 0)
+        assert decided.parts["OKID predicts better on shoulder yaw"] == (one_step > 0)
+        assert decided.parts["OKID simulates better on shoulder pitch"] == (simulation > 0)
         assert decided.value["shoulder_yaw, simulation"] == pytest.approx(simulation)
 
 
@@ -145,7 +145,7 @@ def test_what_k_of_zero_makes_of_the_exchange_does_not_count(study, shoulder, ve
     level = JointFits(dict.fromkeys(STUDIED_JOINTS, rest), dict.fromkeys(STUDIED_JOINTS, 99.0))
     decided = findings.exchange_fit(with_model(both, "OKID", fits={**okid.fits, RPCM: level}))
     assert decided.verdict == verdict
-    assert "By construction, and not counted: OKID ahead on shoulder pitch, one step ahead" in decided.why
+    assert "By construction, and not counted: OKID predicts better on shoulder pitch" in decided.why
 
 
 @pytest.mark.parametrize(("lead", "verdict"), [(0.5, "reproduced"), (-0.5, "reproduced"), (-5.0, "not reproduced")])
@@ -200,7 +200,7 @@ def test_the_hybrid_has_to_be_ahead_of_both(study):
 def test_a_difference_below_the_margin_is_a_tie(study):
     tied = _with_okid(study, _moved(0.1))
     verdict = findings.exchange_fit(tied)
-    assert not any(holds for part, holds in verdict.parts.items() if part.startswith("OKID ahead"))
+    assert not any(holds for part, holds in verdict.parts.items() if part.startswith("OKID "))
     assert "tied: shoulder yaw, simulation" in verdict.why.lower()
     slow = findings.slow_data(_with_okid(study, _moved(-0.1)))
     assert "Tied: yaw, simulation" in slow.why
