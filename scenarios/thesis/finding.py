@@ -50,7 +50,14 @@ class ThesisClaim:
     limits: Mapping[str, float]
     cause: str = ""
     by_construction: str = ""
+    constructed: tuple[str, ...] = ()
+    known: str = ""
     changes: tuple[Change, ...] = ()
+
+    def constructs(self, name: str) -> bool:
+        """Whether a part holds by construction while others are tested: named whole, or without its joint."""
+        statement, _, _ = name.partition(" on ")
+        return name in self.constructed or statement in self.constructed
 
     @property
     def changed_after_results(self) -> bool:
@@ -89,6 +96,7 @@ def _read_claims() -> Mapping[str, ThesisClaim]:
         for change in row.pop("changes", ()):
             changes.append(Change(**{**change, "what": change["what"].format(**limits)}))
         row["criterion"] = row["criterion"].format(**limits)
+        row["constructed"] = tuple(row.get("constructed", ()))
         # What is left of the row has the names of fields.
         claims[key] = ThesisClaim(key, **row, limits=MappingProxyType(limits), changes=tuple(changes))
     return MappingProxyType(claims)
@@ -96,6 +104,21 @@ def _read_claims() -> Mapping[str, ThesisClaim]:
 
 CLAIMS: Mapping[str, ThesisClaim] = _read_claims()
 """Every claim, in order; `scenarios/data/criteria.toml` holds the table."""
+
+
+@dataclass(frozen=True)
+class UndecidedClaim:
+    """A claim of the thesis that the twin cannot decide, and the reason."""
+
+    claim: str
+    where: str
+    why: str
+
+
+UNDECIDED: tuple[UndecidedClaim, ...] = tuple(
+    UndecidedClaim(**row) for row in package_table("undecided_claims.toml")["undecided"]
+)
+"""Claims that the twin cannot decide, in the thesis' order; `scenarios/data/undecided_claims.toml` holds the table."""
 
 
 @dataclass(frozen=True)
@@ -133,10 +156,11 @@ def finding_by_reading(
     """Decide a claim by its parts under every reading.
 
     All parts hold: reproduced (by construction where the table says so); none: not reproduced; some: partly, and the
-    reason names them. Readings that give different verdicts: it depends on the reading.
+    reason names them. Where the table names parts that hold by construction, only the others count, and those of them
+    that fail nevertheless. Readings that give different verdicts: it depends on the reading.
 
     Args:
-        key: F1 to F26.
+        key: One of `CLAIMS`.
         readings: By reading, in words that follow a verdict, the parts of the claim; the name may be empty.
         value: Numbers by name; those that are not finite are left out.
         facts: Fields of the claim's sentences `why` and `cause`, which have those of its limits too. Several numbers
@@ -151,18 +175,38 @@ def finding_by_reading(
     cause = _Sentences().format(claim.cause, **fields)
 
     outcomes = {reading: _printable(parts) for reading, parts in readings.items()}
-    verdicts = {reading: _verdict(outcome, claim) for reading, outcome in outcomes.items()}
+    constructed = _constructed(outcomes, claim)
+    tested = {reading: _without(outcome, constructed) for reading, outcome in outcomes.items()}
+    verdicts = {reading: _verdict(outcome, claim) for reading, outcome in tested.items()}
     agreed = set(verdicts.values())
     decision: Verdict = agreed.pop() if len(agreed) == 1 else "depends on the reading"
 
-    sentences = [_capitalised(_decided_text(verdicts, outcomes)), _capitalised(why)]
+    sentences = [_capitalised(_decided_text(verdicts, tested)), _capitalised(why)]
+    if constructed:
+        sentences.append(f"By construction, and not counted: {_grouped(constructed)}, because {claim.by_construction}")
     if decision == "reproduced by construction":
         sentences.append(f"By construction: {claim.by_construction}")
     elif decision != "reproduced":
         sentences.append(f"Cause: {cause or 'not tried'}")
     # JSON has no word for a number that is not finite.
     finite = {name: float(number) for name, number in value.items() if np.isfinite(number)}
-    return Finding(key, decision, finite, ". ".join(filter(None, sentences)), _under_every_reading(outcomes))
+    return Finding(
+        key, decision, finite, ". ".join(filter(None, sentences)), _under_every_reading(outcomes, constructed)
+    )
+
+
+def _constructed(outcomes: Mapping[str, Parts], claim: ThesisClaim) -> tuple[str, ...]:
+    """Names of parts that hold under every reading and do so by construction; one that fails is tested like others."""
+    names: dict[str, bool] = {}
+    for outcome in outcomes.values():
+        for name, holds in outcome.items():
+            if claim.constructs(name):
+                names[name] = names.get(name, True) and holds
+    return tuple(name for name, holds in names.items() if holds)
+
+
+def _without(outcome: Parts, names: Sequence[str]) -> dict[str, bool]:
+    return {name: holds for name, holds in outcome.items() if name not in names}
 
 
 def _printable(parts: Parts) -> dict[str, bool]:
@@ -171,10 +215,12 @@ def _printable(parts: Parts) -> dict[str, bool]:
 
 
 def _verdict(outcome: Parts, claim: ThesisClaim) -> Verdict:
-    """Verdict on a claim under one reading."""
+    """Verdict on a claim under one reading, by the parts that count."""
     if all(outcome.values()):
-        # What follows from how the models or the twin are made is no evidence for the claim.
-        return "reproduced by construction" if claim.by_construction else "reproduced"
+        # What follows from how the models or the twin are made is no evidence for the claim. Without a part that was
+        # tested nothing else is left.
+        untested = claim.by_construction and (not claim.constructed or not outcome)
+        return "reproduced by construction" if untested else "reproduced"
     return "partly" if any(outcome.values()) else "not reproduced"
 
 
@@ -188,12 +234,13 @@ def _decided_text(verdicts: Mapping[str, Verdict], outcomes: Mapping[str, Parts]
     return "; ".join(texts)
 
 
-def _under_every_reading(outcomes: Mapping[str, Parts]) -> dict[str, bool]:
-    """All parts in one table, named with their reading."""
+def _under_every_reading(outcomes: Mapping[str, Parts], constructed: Sequence[str]) -> dict[str, bool]:
+    """All parts in one table, named with their reading; those that do not count say so."""
     table = {}
     for reading, outcome in outcomes.items():
         for name, holds in outcome.items():
-            table[f"{name} {reading}".strip()] = holds
+            note = " (by construction)" if name in constructed else ""
+            table[f"{name} {reading}".strip() + note] = holds
     return table
 
 

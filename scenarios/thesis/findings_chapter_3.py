@@ -54,7 +54,7 @@ def gain_and_cutoff(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
     for joint in study.joints:
-        for reading, response in _estimates(study, joint).items():
+        for reading, response in response_estimates(study, joint).items():
             largest_gain = float(response.magnitude.max())
             cutoff = 2 * np.pi * gain_crossing(response, HALF_POWER)
             near = abs(cutoff / BREAK_FREQUENCY[joint] - 1) <= CLAIMS["F1"].limits["near"]
@@ -69,7 +69,7 @@ def gain_and_cutoff(study: Comparison) -> Finding:
         "breaks": list(BREAK_FREQUENCY.values()),
         "same": [f"{cutoff:.2f} rad/s ({label})" for label, cutoff in at_breaks.items()],
         "other": [f"{cutoff:.2f} ({label})" for label, cutoff in elsewhere.items()],
-        "powered": _powered(study, SINES),
+        "powered": powered_percent(study, SINES),
     }
     return finding_by_reading("F1", readings, values, facts)
 
@@ -93,7 +93,7 @@ def slope(study: Comparison) -> Finding:
     values: dict[str, float] = {}
     readings: dict[str, dict[str, bool]] = {TONES: {}, LINES: {}}
     for joint in study.joints:
-        for reading, response in _estimates(study, joint).items():
+        for reading, response in response_estimates(study, joint).items():
             measured_slope = gain_slope(response)
             peaks = _resonances(response)
             # A true second-order slope of -40 dB per decade is reached only far above the break: at 10 rad/s a response
@@ -233,7 +233,7 @@ def pulse_spectra(study: Comparison) -> Finding:
                 readings[reading][f"{signal} on {joint}"] = share > limits["most"]
         averages = estimates.repeated[PULSE]
         shares_between_periods.append(_share(averages.frequencies <= limits["around"], averages.disturbance))
-    facts = {"repeated": shares_between_periods, "powered": _powered(study, PULSE)}
+    facts = {"repeated": shares_between_periods, "powered": powered_percent(study, PULSE)}
     return finding_by_reading("F5", readings, values, facts)
 
 
@@ -253,7 +253,7 @@ def sinusoid_disturbance(study: Comparison) -> Finding:
             values[f"{joint}, {SHORT[reading]}"] = orders
             readings[reading][joint] = orders >= claimed_orders
     shares = [estimates.repeated[SINES].disturbance_share for estimates in study.nonparametric.values()]
-    facts = {"repeated": [-np.log10(share) for share in shares], "powered": _powered(study, SINES)}
+    facts = {"repeated": [-np.log10(share) for share in shares], "powered": powered_percent(study, SINES)}
     return finding_by_reading("F6", readings, values, facts)
 
 
@@ -314,7 +314,7 @@ def orders_below(spectrum: FrequencyResponse, mask: np.ndarray) -> float:
     return float(np.log10(output / disturbance))
 
 
-def _estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
+def response_estimates(study: Comparison, joint: str) -> dict[str, FrequencyResponse]:
     """The thesis' estimate up to 10 Hz where it is finite, and the estimate on the lines that the PRBS excites."""
     spectrum = spectrum_of(study, SINES, joint)
     return {TONES: _up_to(spectrum, FASTEST), LINES: _up_to(study.joints[joint].spa, FASTEST)}
@@ -325,7 +325,7 @@ def _up_to(response: FrequencyResponse, hz: float) -> FrequencyResponse:
     return response.select(np.isfinite(response.response[:, 0, 0]) & (response.frequencies <= hz + 1e-9))
 
 
-def _powered(study: Comparison, test: int) -> list[float]:
+def powered_percent(study: Comparison, test: int) -> list[float]:
     """Percent of the frequencies at which the input of a test stands above the window's side lobes, by joint."""
     spectra = [spectrum_of(study, test, joint) for joint in study.nonparametric]
     return [100 * float(excited_lines(spectrum).mean()) for spectrum in spectra]

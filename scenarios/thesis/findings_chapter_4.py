@@ -108,7 +108,7 @@ def yaw_armax(study: Comparison) -> Finding:
         "outside": int(test.outside_whiteness[0]),
         "printed": printed,
         "own": model.fits[study.estimation_test].one_step,
-        "friction": _friction(study, "shoulder_yaw", "armax", "whiteness_p", "independence_p"),
+        "friction": friction_text(study, "shoulder_yaw", "armax", "whiteness_p", "independence_p"),
     }
     return decided_finding("F9", verdict_parts, values, facts)
 
@@ -154,7 +154,7 @@ def shoulder_oe(study: Comparison) -> Finding:
         "compared": comparison_text(fits, "OE"),
         "independent": negation,
         "left": 100 - model.fits[study.estimation_test].simulation,
-        "friction": _friction(study, "shoulder_pitch", "oe", "independence_p"),
+        "friction": friction_text(study, "shoulder_pitch", "oe", "independence_p"),
     }
     verdict_parts = {"OE best": best(fits, "OE", "ARMAX"), "independent": independent}
     values = {**fits, "independence p": model.residual_test.independence_p[0, 0]}
@@ -216,7 +216,7 @@ def nearest(model: StateSpace) -> float:
     return float(np.abs(poles[:, None] - zeros[None, :]).min(initial=np.inf))
 
 
-def _friction(study: Comparison, joint: str, method: str, *tests: str) -> str:
+def friction_text(study: Comparison, joint: str, method: str, *tests: str) -> str:
     """What friction does to tests of residuals, by models of the arm without it; empty where that was not played."""
     record = single_joint_test(study.estimation_test, joint)
     frictionless = study.frictionless[joint].find(record, method)

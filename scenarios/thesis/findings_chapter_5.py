@@ -50,8 +50,8 @@ def without_detrending(study: Comparison) -> Finding:
     order_needed, order_needed_biased = _order_for(with_mean, share), _order_for(biased, share)
     ratio, ratio_biased = _one_step(with_mean, order) / residual, _one_step(biased, order) / residual
     # An observer needs at least as many Markov parameters as the model has states.
-    parameters = max(_markov_parameters_needed(with_mean), order)
-    parameters_detrended = max(_markov_parameters_needed(without_mean), ORDER)
+    parameters = max(markov_parameters_needed(with_mean), order)
+    parameters_detrended = max(markov_parameters_needed(without_mean), ORDER)
     verdict_parts = {
         f"order {order}": order_needed >= order,
         "extremely poor residuals": ratio >= poor,
@@ -96,7 +96,7 @@ def _one_step(data: IOData, order: int) -> float:
     return float(np.sqrt(np.mean(observer(data, order).residuals ** 2)))
 
 
-def _markov_parameters_needed(data: IOData) -> int:
+def markov_parameters_needed(data: IOData) -> int:
     """Smallest number of observer Markov parameters with an error near that of the largest."""
     limits = CLAIMS["F15"].limits
     candidates = range(1, int(limits["most"]) + 1)

@@ -1,11 +1,12 @@
 """Findings of chapter VI, F16 to F26: what the three-joint models are and how they follow data.
 
 The thesis compares with K = -G as a residual filter and shows the residuals beside the fits (VI.1, VI.4, VI.5): F18 to
-F20 are decided one step ahead. Its summary (VI.6) does not say which fits it means: F21 to F24 are read both ways.
+F20 are decided one step ahead, but for F18 on shoulder pitch, where K = 0. Its summary (VI.6) does not say which fits
+it means: F21 to F24 are read both ways.
 """
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from statistics import median
 
 import numpy as np
@@ -132,16 +133,19 @@ def exchange_fit(study: Comparison) -> Finding:
     study.campaign.log(RPCM)
     prediction_error, _ = study.multivariable.pair()
     lead = _okid_lead(study, RPCM)
-    verdict_parts: dict[Way, dict[str, bool]] = {}
-    for way in WAYS:
+    verdict_parts: dict[str, bool] = {}
+    # Simulated, SysID's shoulder pitch with its K of zero is on equal terms; one step ahead it loses by construction.
+    judged: dict[Way, tuple[str, ...]] = {"one_step": STUDIED_JOINTS, "simulation": (SHOULDER,)}
+    for way, joints in judged.items():
+        does = "predicts" if way == "one_step" else "simulates"
+        for joint in joints:
+            verdict_parts[f"OKID {does} better on {joint}"] = ahead(lead[way][joint])
         fits = prediction_error.fit(RPCM).of(way)
-        verdict_parts[way] = {f"OKID ahead on {joint}": ahead(points) for joint, points in lead[way].items()}
         leads_over_shoulder = [fits[joint] - fits[SHOULDER] for joint in (YAW, ELBOW)]
-        verdict_parts[way]["SysID worst on shoulder pitch"] = all(map(ahead, leads_over_shoulder))
+        verdict_parts[f"SysID {does} worst on {SHOULDER}"] = all(map(ahead, leads_over_shoulder))
     values = _values_by_name(lead)
-    simulated = verdict_parts["simulation"].values()
-    facts = {"holding": sum(simulated), "count": len(simulated), "reach": within_reach(study, (RPCM,))}
-    return decided_finding("F18", verdict_parts["one_step"], values, facts | remarks(study, values))
+    facts = {"reach": within_reach(study, (RPCM,))}
+    return decided_finding("F18", verdict_parts, values, facts | remarks(study, values))
 
 
 def exchange_residuals(study: Comparison) -> Finding:
@@ -285,16 +289,26 @@ def above_5_hz(study: Comparison) -> Finding:
 
 
 def parsimony(study: Comparison) -> Finding:
-    """F24: two states each do as well as five, two and three."""
+    """F24: two states each do as well as five and three."""
 
     def lead(joint: str, way: Way) -> float:
         return held_out_fit(study, "OKID", joint, way) - held_out_fit(study, "SysID", joint, way)
 
     tolerated_loss = CLAIMS["F24"].limits["points"]
+    prediction_error, okid = study.multivariable.pair()
+    # With as many states on both sides nothing is saved, and a fit shows nothing of parsimony.
+    saving = [joint for joint in study.joints if okid.blocks[joint].order < prediction_error.blocks[joint].order]
+    by_way = _of_joints_by_way(study, lead)
+    readings = {}
+    for way in WAYS:
+        parts = {"fewer states": okid.model.order < prediction_error.model.order}
+        parts |= {joint: by_way[way][joint] >= -tolerated_loss for joint in saving}
+        readings[WORDS[way]] = parts
     orders = []
-    for model in study.multivariable.pair():
+    for model in (prediction_error, okid):
         orders.append("/".join(str(block.order) for block in model.blocks.values()))
-    return _read_both_ways(study, "F24", lead, lambda points: points >= -tolerated_loss, {"orders": orders})
+    values = _values_by_name(by_way)
+    return finding_by_reading("F24", readings, values, {"orders": orders, **remarks(study, values)})
 
 
 def bias_and_outliers(study: Comparison) -> Finding:
@@ -332,24 +346,74 @@ def bias_and_outliers(study: Comparison) -> Finding:
 def coupling(study: Comparison) -> Finding:
     """F26: little coupling between the joints near the operating point."""
     study.campaign.log(RPCM)
-    limits = CLAIMS["F26"].limits
-    lowest_bandwidth = min(result.truth.bandwidth_hz for result in study.joints.values())
+    little = CLAIMS["F26"].limits["little"]
+    _, faster = MIDDLE
+    verdict_parts: dict[str, bool] = {}
+    values: dict[str, float] = {}
+    for statement, records in (("in the exchange", (RPCM,)), ("at 3 to 5 Hz", faster)):
+        for joint, share in _largest_pushes(study, records).items():
+            verdict_parts[f"{statement} on {joint}"] = share <= little
+            values[f"{joint}, {statement}"] = 100 * share
     uncoupled, coupled = (study.multivariable.reference(kind, RPCM) for kind in (DIAGONAL, COUPLED))
-    # What a linear model gains by knowing the coupling, apart from friction and noise.
-    worth = {joint: coupled[joint] - uncoupled[joint] for joint in uncoupled}
+    worth = max(coupled[joint] - uncoupled[joint] for joint in uncoupled)
+    facts = {"worth": worth, **_largest_gain_ratio(study)}
+    return decided_finding("F26", verdict_parts, values | _gain_ratios(study), facts)
+
+
+def pushed_share(study: Comparison, record: str) -> dict[str, float]:
+    """Share of each joint's motion in a record that the other joints' commands make by the truth, root mean square."""
+    data = study.campaign.several(record)
+    shares = {}
+    for channel, joint in enumerate(STUDIED_JOINTS):
+        commands = data.u.copy()
+        # With its own command at rest, the motion of a joint is what the others push.
+        commands[:, channel] = 0.0
+        pushed = sysid.simulate(study.multivariable.truth, commands)[:, channel]
+        shares[joint] = float(np.std(pushed) / np.std(data.y[:, channel]))
+    return shares
+
+
+def _largest_pushes(study: Comparison, records: Sequence[str]) -> dict[str, float]:
+    """The largest `pushed_share` of each joint in some records; raises `MissingRecordError` without one of them."""
+    largest = dict.fromkeys(STUDIED_JOINTS, 0.0)
+    for record in records:
+        for joint, share in pushed_share(study, record).items():
+            largest[joint] = max(largest[joint], share)
+    return largest
+
+
+def _gain_ratios(study: Comparison) -> dict[str, float]:
+    """Largest sums of the other commands' gains over the own one's, percent, band by band: coupling rises with it."""
+    lowest_bandwidth = min(result.truth.bandwidth_hz for result in study.joints.values())
     bands = {
-        "to the bandwidth": (limits["from"], lowest_bandwidth),
+        "to the bandwidth": (CLAIMS["F26"].limits["from"], lowest_bandwidth),
         "3 to 5 Hz": (3.0, 5.0),
         "5 to 10 Hz": (5.0, 10.0),
     }
-    gains: dict[str, float] = {}
-    # Band by band, since coupling rises with frequency: one number over all of them would be that of the fastest.
+    ratios: dict[str, float] = {}
     for name, band in bands.items():
         for joint, share in pushed_by_others(study.multivariable.truth, band=band).items():
-            gains[f"{joint}, percent of the gain {name}"] = 100 * share
-    verdict_parts = {joint: points < limits["points"] for joint, points in worth.items()}
-    values = {f"{joint}, points in the exchange": points for joint, points in worth.items()} | gains
-    return decided_finding("F26", verdict_parts, values, {"worth": max(worth.values()), "gain": max(gains.values())})
+            ratios[f"{joint}, percent of the gain {name}"] = 100 * share
+    return ratios
+
+
+def _largest_gain_ratio(study: Comparison) -> dict[str, object]:
+    """Where the others' gains are largest beside the own one, and what both are there."""
+    low = CLAIMS["F26"].limits["from"]
+    f = np.geomspace(low, 10.0, 200)
+    gain = np.abs(study.multivariable.truth.frequency_response(f))
+    own = np.diagonal(gain, axis1=1, axis2=2)
+    others = gain.sum(axis=2) - own
+    line, channel = np.unravel_index(int(np.argmax(others / own)), own.shape)
+    return {
+        "joint": words(STUDIED_JOINTS[channel]),
+        "hz": float(f[line]),
+        "ratio": float(100 * others[line, channel] / own[line, channel]),
+        "own": float(own[line, channel]),
+        "others": float(others[line, channel]),
+        "own_low": float(own[0, channel]),
+        "low": low,
+    }
 
 
 def _of_joints_by_way(study: Comparison, figure: Callable[[str, Way], float]) -> ByWay:

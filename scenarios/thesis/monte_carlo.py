@@ -196,12 +196,12 @@ class Tally:
         )
 
     def frequency(self, key: str) -> Frequency:
-        """Return the frequency of each verdict of a finding (F1 to F26)."""
+        """Return the frequency of each verdict of a finding, by its key."""
         counts = Counter(outcome.verdicts[key] for outcome in self.outcomes if key in outcome.verdicts)
         return Frequency(dict(counts.most_common()))
 
     def spread(self, key: str) -> dict[str, Spread]:
-        """Return the distributions of the numbers of a finding (F1 to F26), by name."""
+        """Return the distributions of the numbers of a finding, by its key, by name."""
         by_name: dict[str, list[float]] = {}
         for outcome in self.outcomes:
             for name, value in outcome.numbers.get(key, {}).items():

@@ -21,7 +21,7 @@ from scenarios.thesis.control_section import control_section
 from scenarios.thesis.every_joint_section import every_joint_section
 from scenarios.thesis.fairness_section import fairness_section
 from scenarios.thesis.figures import report_figures, without_counterpart
-from scenarios.thesis.finding import CLAIMS, Finding, ThesisClaim, Verdict
+from scenarios.thesis.finding import CLAIMS, UNDECIDED, Finding, ThesisClaim, UndecidedClaim, Verdict
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.monte_carlo import Tally
 from scenarios.thesis.motion_answer import motion_texts
@@ -77,6 +77,7 @@ class ReportContents:
         study: The study.
         findings: Its decided findings.
         criteria: Every claim of the thesis with its criterion.
+        undecided: Claims that the twin cannot decide.
         verdict_counts: Verdicts that occur, in the order of `ORDER`, and the number of findings that have each.
         other_seeds: What other seeds decide, see `chance`; empty without them.
         answer_sentences: The answer in three sentences.
@@ -113,6 +114,7 @@ class ReportContents:
     study: Comparison
     findings: Sequence[Finding]
     criteria: Sequence[ThesisClaim]
+    undecided: Sequence[UndecidedClaim]
     verdict_counts: Sequence[tuple[Verdict, int]]
     other_seeds: Mapping[str, object]
     answer_sentences: Sequence[str]
@@ -162,6 +164,7 @@ def report_contents(
         study=study,
         findings=findings,
         criteria=tuple(CLAIMS.values()),
+        undecided=UNDECIDED,
         verdict_counts=verdict_counts(findings),
         other_seeds=chance(findings, tally, study.seed),
         answer_sentences=answer_sentences,

@@ -33,7 +33,7 @@ COSTS: Mapping[str, tuple[float, float, float]] = MappingProxyType(
         "other arms": (1.0, 0.4, 1.0),
         "every joint": (11.0, 0.0, 1.0),
         "answer": (8.0, 0.0, 1.0),
-        "findings": (0.2, 0.1, 1.0),
+        "findings": (0.6, 0.8, 1.0),
         "report": (10.0, 0.5, 1.0),
     }
 )

@@ -10,7 +10,7 @@ import pytest
 
 import scenarios.thesis.findings
 from scenarios.thesis.finding import CLAIMS, Verdict, decided_finding, finding_by_reading
-from scenarios.thesis.findings import findings
+from scenarios.thesis.findings import FINDINGS, findings
 from scenarios.thesis.results import results
 from scenarios.truth.published import EQUATIONS
 from sysid import FrequencyResponse, StateSpace, SysidError
@@ -49,9 +49,35 @@ def test_a_success_of_what_was_put_in_is_one_by_construction():
     assert {key for key, claim in CLAIMS.items() if claim.by_construction} >= {"F1", "F13", "F14", "F17", "F24"}
     for key, claim in CLAIMS.items():
         success, failure = decided(key, True), decided(key, False)
-        assert success.verdict == ("reproduced by construction" if claim.by_construction else "reproduced")
-        assert claim.by_construction in success.why
+        whole = claim.by_construction and not claim.constructed
+        assert success.verdict == ("reproduced by construction" if whole else "reproduced")
+        assert (claim.by_construction in success.why) == bool(whole) or not claim.by_construction
         assert failure.verdict == "not reproduced"
+
+
+def test_parts_that_hold_by_construction_do_not_count():
+    """F51's construction is of the parts "with p = 5", on any joint."""
+    built, tested = "with p = 5 on elbow_pitch", "with p = 50 on elbow_pitch"
+    success, failure = (read_one_way("F51", {built: True, tested: holds}) for holds in (True, False))
+    assert success.verdict == "reproduced"
+    assert failure.verdict == "not reproduced", "the part by construction is no half of a success"
+    for entry in (success, failure):
+        assert "By construction, and not counted: with p = 5 on elbow pitch, because p = 5 cuts" in entry.why
+        assert entry.parts["with p = 5 on elbow pitch (by construction)"]
+    alone = read_one_way("F51", {built: True})
+    assert alone.verdict == "reproduced by construction", "nothing else was tested"
+    surprise = read_one_way("F51", {built: False, tested: True})
+    assert surprise.verdict == "partly", "what was to hold by construction and fails is a result"
+    assert surprise.parts == {"with p = 5 on elbow pitch": False, "with p = 50 on elbow pitch": True}
+
+
+def test_names_of_constructed_parts_are_those_of_the_findings(study):
+    for entry in findings(study):
+        for name in entry.about.constructed:
+            assert any(part.startswith(name) for part in entry.parts), (
+                entry.key,
+                name,
+            )
 
 
 def test_readings_that_differ_make_the_verdict_depend_on_them():
@@ -81,7 +107,7 @@ def test_several_numbers_are_listed_or_a_range(monkeypatch):
 
 
 def test_every_criterion_has_a_date_and_a_history():
-    assert list(CLAIMS) == [f"F{number}" for number in range(1, 27)]
+    assert list(CLAIMS) == [f"F{number}" for number in range(1, len(CLAIMS) + 1)] == list(FINDINGS)
     for claim in CLAIMS.values():
         assert type(claim.date) is date, claim.key
         assert claim.criterion and "{" not in claim.criterion
@@ -89,7 +115,10 @@ def test_every_criterion_has_a_date_and_a_history():
         assert days == sorted(days)
         assert all(change.what and change.why for change in claim.changes)
     changed = {key for key, claim in CLAIMS.items() if claim.changed_after_results}
-    assert changed >= {"F1", "F2", "F7", "F12", "F21", "F22", "F26"}
+    assert changed >= {"F1", "F2", "F7", "F12", "F18", "F21", "F22", "F24", "F26"}
+    later = [claim for claim in CLAIMS.values() if int(claim.key[1:]) > 26]
+    assert {claim.date for claim in later} == {date(2026, 11, 30)}
+    assert all(claim.by_construction for claim in CLAIMS.values() if claim.constructed)
 
 
 def test_every_finding_has_a_verdict_a_number_and_a_reason(study):
@@ -139,8 +168,8 @@ def test_results_have_the_promised_keys(study, tmp_path):
     assert set(record["cost"]) >= {"physics_s", "total_s"}
 
 
-def test_all_26_findings_are_there_and_one_without_its_record_says_so(study):
-    assert [entry.key for entry in findings(study)] == [f"F{number}" for number in range(1, 27)]
+def test_all_findings_are_there_and_one_without_its_record_says_so(study):
+    assert [entry.key for entry in findings(study)] == list(CLAIMS)
     poor = without_log(study, "siso-7-elbow_pitch", "the physics diverged")
     by_name = {entry.key: entry for entry in findings(poor)}
     assert by_name["F5"].verdict == "cannot be told"

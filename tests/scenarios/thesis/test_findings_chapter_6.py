@@ -14,9 +14,9 @@ from scenarios.thesis import findings_chapter_6 as findings
 from scenarios.thesis import verdicts
 from scenarios.thesis.findings import FINDINGS
 from scenarios.thesis.multivariable import JointFits
-from scenarios.thesis.reference_fits import COUPLED
 from scenarios.thesis.verdicts import outside_share
 from sysid import IOData, StateSpace
+from sysid.models import block_diagonal
 from tests.scenarios.thesis.altered import with_model, with_models, without_log
 
 YAW, SHOULDER, ELBOW = STUDIED_JOINTS
@@ -58,21 +58,46 @@ def test_zeros_at_infinity_are_not_roots(study):
     assert list(findings.finite(np.array([0.5, -66.0, 1.3e4, 0.2 + 1e3j]))) == [0.5, -66.0]
 
 
-def test_coupling_counts_by_what_it_is_worth_in_the_exchange(study):
+def test_coupling_counts_by_what_others_move(study):
     decided = findings.coupling(study)
-    alone, whole = (study.multivariable.reference(kind, RPCM) for kind in ("truth without coupling", COUPLED))
-    for joint in study.joints:
-        assert decided.value[f"{joint}, points in the exchange"] == pytest.approx(whole[joint] - alone[joint])
     truth = study.multivariable.truth
     gain = np.abs(truth.frequency_response(np.array([5.0]))[0])
     joint = list(study.joints).index("elbow_pitch")
-    share = decided.value["elbow_pitch, percent of the gain 3 to 5 Hz"]
-    assert share >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
-    better = {name: fit + 5.0 for name, fit in study.multivariable.reference(COUPLED, RPCM).items()}
-    known = study.multivariable.references
-    references = {**known, COUPLED: {**known[COUPLED], RPCM: better}}
-    worth = replace(study.multivariable, references=references)
-    assert findings.coupling(replace(study, multivariable=worth)).verdict == "not reproduced"
+    ratio = decided.value["elbow_pitch, percent of the gain 3 to 5 Hz"]
+    assert ratio >= 99.9 * (gain[joint].sum() / gain[joint, joint] - 1)
+    # A truth whose every joint answers its own command alone.
+    alone = block_diagonal([entry.truth.model for entry in study.joints.values()])
+    uncoupled = findings.coupling(replace(study, multivariable=replace(study.multivariable, truth=alone)))
+    assert uncoupled.verdict == "reproduced"
+    assert all(value == pytest.approx(0.0, abs=1e-9) for value in uncoupled.value.values())
+    # One that adds the yaw's command to the answer of every joint.
+    mixed = replace(alone, B=alone.B @ np.array([[1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [1.0, 0.0, 1.0]]))
+    coupled = findings.coupling(replace(study, multivariable=replace(study.multivariable, truth=mixed)))
+    assert not coupled.parts["at 3 to 5 Hz on elbow pitch"]
+    assert coupled.parts["at 3 to 5 Hz on shoulder yaw"], "nothing else moves the yaw"
+
+
+def test_the_share_that_others_move_is_that_of_the_simulated_motion(study):
+    data = study.campaign.several(RPCM)
+    alone = block_diagonal([entry.truth.model for entry in study.joints.values()])
+    added = replace(alone, B=alone.B @ np.array([[1.0, 0.5, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]))
+    models = replace(study.multivariable, truth=added)
+    half = sysid.simulate(alone, np.stack((0.5 * data.u[:, 1], 0.0 * data.u[:, 0], 0.0 * data.u[:, 0]), axis=1))[:, 0]
+    shares = findings.pushed_share(replace(study, multivariable=models), RPCM)
+    assert shares[YAW] == pytest.approx(half.std() / data.y[:, 0].std())
+    assert shares[ELBOW] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_largest_ratio_of_gains_is_named_with_its_frequency(study):
+    gains = findings._largest_gain_ratio(study)
+    truth = study.multivariable.truth
+    at = np.abs(truth.frequency_response(np.array([gains["hz"]]))[0])
+    row = [name.replace("_", " ") for name in study.joints].index(gains["joint"])
+    assert gains["own"] == pytest.approx(at[row, row])
+    assert gains["others"] == pytest.approx(at[row].sum() - at[row, row])
+    assert gains["ratio"] == pytest.approx(100 * gains["others"] / gains["own"])
+    largest = max(value for name, value in findings.coupling(study).value.items() if "of the gain" in name)
+    assert gains["ratio"] == pytest.approx(largest, rel=0.02)
 
 
 def _with_okid(study, change):
@@ -94,16 +119,48 @@ def test_who_is_ahead_on_the_exchange_decides(study):
     worse, better = (findings.exchange_fit(_with_okid(study, _moved(by))) for by in (-2.0, 2.0))
     assert list(worse.value.values()) == pytest.approx([-2.0] * 6)
     assert list(better.value.values()) == pytest.approx([2.0] * 6)
-    ahead = {name for name in better.parts if name.startswith("OKID ahead")}
-    assert all(better.parts[name] and not worse.parts[name] for name in ahead)
-    assert len(ahead) == 3
+    ahead = {name for name in worse.parts if name.startswith("OKID ")}
+    assert len(ahead) == 4
+    assert not any(worse.parts[name] for name in ahead)
+    assert all(holds for name, holds in better.parts.items() if name.startswith("OKID "))
 
 
-def test_the_exchange_is_decided_one_step_ahead(study):
+def test_the_exchange_is_decided_one_step_ahead_and_in_simulation_where_k_is_zero(study):
     for simulation, one_step in ((-2.0, 2.0), (2.0, -2.0)):
         decided = findings.exchange_fit(_with_okid(study, _moved(simulation, one_step)))
-        assert decided.parts["OKID ahead on shoulder yaw"] == (one_step > 0)
+        assert decided.parts["OKID predicts better on shoulder yaw"] == (one_step > 0)
+        assert decided.parts["OKID simulates better on shoulder pitch"] == (simulation > 0)
         assert decided.value["shoulder_yaw, simulation"] == pytest.approx(simulation)
+
+
+@pytest.mark.parametrize(("shoulder", "verdict"), [(80.0, "reproduced"), (95.0, "not reproduced")])
+def test_what_k_of_zero_makes_of_the_exchange_does_not_count(study, shoulder, verdict):
+    """One step ahead OKID is ahead by construction of a shoulder pitch without K: simulation decides there."""
+    rest = 90.0
+    simulated = dict.fromkeys(STUDIED_JOINTS, rest) | {SHOULDER: shoulder}
+    predicted = dict.fromkeys(STUDIED_JOINTS, 98.0 if verdict == "reproduced" else 99.9) | {SHOULDER: shoulder}
+    fits = {RPCM: JointFits(simulated, predicted)}
+    own, okid = study.multivariable.pair()
+    both = with_model(study, "SysID", fits={**own.fits, **fits})
+    level = JointFits(dict.fromkeys(STUDIED_JOINTS, rest), dict.fromkeys(STUDIED_JOINTS, 99.0))
+    decided = findings.exchange_fit(with_model(both, "OKID", fits={**okid.fits, RPCM: level}))
+    assert decided.verdict == verdict
+    assert "By construction, and not counted: OKID predicts better on shoulder pitch" in decided.why
+
+
+@pytest.mark.parametrize(("lead", "verdict"), [(0.5, "reproduced"), (-0.5, "reproduced"), (-5.0, "not reproduced")])
+def test_fewer_states_are_judged_by_what_they_cost_where_there_are_fewer(study, monkeypatch, lead, verdict):
+    own = {"SysID": 90.0, "OKID": 90.0 + lead}
+    # The shoulder pitch, with two states on both sides, would fail: it does not judge.
+    monkeypatch.setattr(
+        findings,
+        "held_out_fit",
+        lambda study, kind, joint, way: own[kind] if joint != SHOULDER else {"SysID": 90.0, "OKID": 0.0}[kind],
+    )
+    decided = findings.parsimony(study)
+    assert decided.verdict == verdict
+    assert "By construction, and not counted: fewer states" in decided.why
+    assert not any("shoulder pitch" in name for name in decided.parts)
 
 
 def test_slightly_is_neither_less_nor_much_more(study):
@@ -143,7 +200,7 @@ def test_the_hybrid_has_to_be_ahead_of_both(study):
 def test_a_difference_below_the_margin_is_a_tie(study):
     tied = _with_okid(study, _moved(0.1))
     verdict = findings.exchange_fit(tied)
-    assert not any(holds for part, holds in verdict.parts.items() if part.startswith("OKID ahead"))
+    assert not any(holds for part, holds in verdict.parts.items() if part.startswith("OKID "))
     assert "tied: shoulder yaw, simulation" in verdict.why.lower()
     slow = findings.slow_data(_with_okid(study, _moved(-0.1)))
     assert "Tied: yaw, simulation" in slow.why

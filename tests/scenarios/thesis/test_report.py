@@ -13,7 +13,7 @@ from markupsafe import escape
 from plotly.offline import get_plotlyjs
 
 from scenarios.thesis.answer import answer_texts
-from scenarios.thesis.finding import Verdict
+from scenarios.thesis.finding import CLAIMS, UNDECIDED, Verdict
 from scenarios.thesis.findings import findings
 from scenarios.thesis.frequencies import ORDER, chance
 from scenarios.thesis.monte_carlo import Tally, outcome
@@ -132,10 +132,16 @@ def test_the_answer_stands_in_the_table(text, study):
 
 def test_every_finding_is_listed_with_verdict_and_reason(text, study):
     rows = re.findall(r'<tr id="(F\d+)">(.*?)</tr>', text, flags=re.S)
-    assert [key for key, _ in rows] == [f"F{number}" for number in range(1, 27)]
+    assert [key for key, _ in rows] == list(CLAIMS)
     for (_, row), finding in zip(rows, findings(study), strict=True):
         assert f">{finding.verdict}</span>" in row
         assert len(row[row.index('data-label="Why"') :]) > 30
+
+
+def test_claims_that_the_twin_cannot_decide_are_listed_with_the_reason(text):
+    table = text[text.index("Claims without a verdict") :]
+    for entry in UNDECIDED:
+        assert f"<td>{escape(entry.claim)}</td><td>{entry.where}</td><td>{escape(entry.why)}</td>" in table
 
 
 def test_frequencies_and_ranges_stand_beside_the_findings_of_unmarked_whole_records(text, study, report):
