@@ -6,6 +6,7 @@ from scipy.signal import find_peaks
 from scenarios.experiments.campaign import single_joint_test
 from scenarios.experiments.model_structures import SUFFICIENT
 from scenarios.experiments.registry import load
+from scenarios.record_figures.period_spectra import excited_lines
 from scenarios.thesis.comparison import Comparison
 from scenarios.thesis.finding import CLAIMS, Finding, decided_finding, finding_by_reading
 from scenarios.thesis.findings_chapter_3 import (
@@ -16,7 +17,7 @@ from scenarios.thesis.findings_chapter_3 import (
     spectrum_of,
 )
 from scenarios.thesis.findings_chapter_4 import COMPARED
-from scenarios.thesis.nonparametric import GRID, PRBS, PULSE, SINES, excited_lines, period_spectra
+from scenarios.thesis.nonparametric import GRID, PRBS, PULSE, SINES, period_spectra
 from scenarios.thesis.response_differences import (
     agree,
     best_linear_at,
