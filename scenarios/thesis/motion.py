@@ -33,6 +33,7 @@ from scenarios.thesis.estimates import estimate
 from scenarios.thesis.findings_chapter_3 import FASTEST, orders_below
 from scenarios.thesis.nonparametric import GRID, SINES, WHITENING
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
+from sysid.frequency.delayest import whitened_correlations
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 
 METHODS = ("armax", "oe", "okid")
@@ -42,10 +43,16 @@ TESTS = {1.0: 5, 2.0: 6}
 """Number of the single-joint test by the amplitude of its binary sequence, V."""
 
 HEAVY = 0.02
-"""Friction above this, as a part of stall torque, would hold the arm against the commands of the smaller gains."""
+"""Friction times slope above this, in parts of stall torque, would hold the arm against commands of smaller gains."""
 
 SLOW = "shoulder_yaw"
-"""The joint whose printed models are slow; such friction is tried on it alone."""
+"""The joint whose printed models are slow; friction above `HEAVY` is tried on it alone."""
+
+MOST_LAGS = 20
+"""Largest lag of the correlation whose peak is the delay."""
+
+LEVEL = 0.99
+"""Level of the tests of residuals and correlations [Morris1996, ch. IV]."""
 
 RESPONSE = np.geomspace(0.02, 24.0, 300)
 """Frequencies at which models are read, Hz."""
@@ -64,10 +71,12 @@ Row = dict[str, Any]
 class Setting:
     """One setting of the laboratory, a level of each factor of docs/motion.md, and one joint.
 
-    Gain in rad/V, friction in parts of stall torque, presliding in rad, hold in samples, noise in V.
+    Slope of the load-flow line over the straight one's, gain in rad/V, friction in parts of stall torque, presliding in
+    rad, hold in samples, noise in V.
     """
 
     servo: str
+    slope: float
     gain: float
     friction: float
     presliding: float
@@ -84,7 +93,7 @@ class Setting:
         actuator = ACTUATORS[self.joint]
         level = self.friction * actuator.rated_torque / actuator.coulomb_torque
         interface = HandController(gain=self.gain, hold=self.hold, noise=self.noise)
-        plant = Plant(servo=self.servo, friction_level=level, presliding=self.presliding)
+        plant = Plant(servo=self.servo, friction_level=level, presliding=self.presliding, load_flow_slope=self.slope)
         return replace(scenario, hand_controller=interface, plant=plant)
 
 
@@ -93,8 +102,12 @@ class MotionCampaign:
     """Levels of every factor and records of a setting, both listed in docs/motion.md.
 
     Attributes:
-        frictions: Above `HEAVY` with the largest gain and on `SLOW` alone.
+        slopes: With the torque servo, which hardly feels it, the first alone.
+        frictions: Above `HEAVY` on `SLOW` alone, and with a smaller gain only where the slope makes up for it.
         presliding: With the torque servo the first alone.
+        logged: White noise on the logged command, in multiples of the command's root mean square.
+        drifts: Drift of the measured angle over the record, in the same multiples; with noise on the logged command
+            none.
         volts: Amplitudes, V; multisines have that root mean square.
         seeds: Binary sequences, each with other noise, for every setting and amplitude, of `duration` s.
         sines: Records of two sines, of 1 V and `sines_duration` s.
@@ -102,14 +115,16 @@ class MotionCampaign:
     """
 
     servos: tuple[str, ...] = ("flow", "torque")
+    slopes: tuple[float, ...] = (1.0, 0.33, 0.1)
     gains: tuple[float, ...] = tuple(sorted(GAINS.values()))
     frictions: tuple[float, ...] = (0.0007, 0.002, 0.006, 0.02, 0.06, 0.15)
-    presliding: tuple[float, ...] = (1e-3, 1e-4)
+    presliding: tuple[float, ...] = (1e-3,)
     holds: tuple[int, ...] = (1, 3)
-    noises: tuple[float, ...] = (0.0, 0.1)
-    logged: tuple[float, ...] = (0.0, 1.0, 2.0)
+    noises: tuple[float, ...] = (0.1,)
+    logged: tuple[float, ...] = (0.0,)
+    drifts: tuple[float, ...] = (0.0, 0.1, 0.3, 1.0)
     volts: tuple[float, ...] = (1.0, 2.0)
-    seeds: int = 20
+    seeds: int = 10
     duration: float = 24.0
     sines: int = 1
     sines_duration: float = 240.0
@@ -120,10 +135,12 @@ class MotionCampaign:
         """Return a coarse campaign: one servo, the nominal chain, two frictions, two seeds, no multisines."""
         return cls(
             servos=("flow",),
+            slopes=(1.0,),
             frictions=(0.0007, 0.006),
             presliding=(1e-3,),
             holds=(3,),
             noises=(0.1,),
+            drifts=(0.0, 0.3),
             seeds=2,
             sines_duration=64.0,
             multisines=0,
@@ -131,16 +148,33 @@ class MotionCampaign:
 
     def settings(self) -> tuple[Setting, ...]:
         """Return every setting, joint by joint."""
-        levels = (self.servos, self.gains, self.frictions, self.presliding, self.holds, self.noises, STUDIED_JOINTS)
+        levels = (
+            self.servos,
+            self.slopes,
+            self.gains,
+            self.frictions,
+            self.presliding,
+            self.holds,
+            self.noises,
+            STUDIED_JOINTS,
+        )
         combinations = (Setting(*values) for values in itertools.product(*levels))
         return tuple(setting for setting in combinations if self._is_tried(setting))
 
     def _is_tried(self, setting: Setting) -> bool:
         """Whether a combination of levels is run; docs/motion.md lists those that are not."""
-        if setting.servo != "flow" and setting.presliding != self.presliding[0]:
+        first = setting.presliding == self.presliding[0] and setting.slope == self.slopes[0]
+        if setting.servo != "flow" and not first:
             return False
+        if setting.friction <= HEAVY:
+            return True
         # Smaller commands would not move the arm against heavy friction; see `HEAVY`.
-        return setting.friction <= HEAVY or (setting.gain == max(self.gains) and setting.joint == SLOW)
+        moves = setting.gain == max(self.gains) or setting.friction * setting.slope <= HEAVY
+        return moves and setting.joint == SLOW
+
+    def disturbances(self) -> tuple[tuple[float, float], ...]:
+        """Return what is added to a record before it is analysed: noise in the log and drift, in this order."""
+        return tuple((logged, 0.0) for logged in self.logged) + tuple((0.0, drift) for drift in self.drifts if drift)
 
 
 @dataclass(frozen=True)
@@ -191,7 +225,7 @@ def run_campaign(
         ScenarioError: The journal cannot be used, or a worker cannot run.
     """
     # A journal of other software or levels would mix results that do not belong together.
-    build_fingerprint = {"format": "motion 1", "source": fingerprint(), **versions(), "campaign": str(campaign)}
+    build_fingerprint = {"format": "motion 2", "source": fingerprint(), **versions(), "campaign": str(campaign)}
     settings = {str(setting): setting for setting in campaign.settings()}
     with closing(Journal(folder / JOURNAL, build_fingerprint)) as journal:
         missing = [setting for key, setting in settings.items() if key not in journal]
@@ -208,8 +242,8 @@ def run_settings(campaign: MotionCampaign, settings: tuple[Setting, ...]) -> Ite
     """Simulate and analyse settings; for workers.
 
     Yields:
-        The text of each setting, and a row for every record and level of noise on the logged command; of an experiment
-        that failed a row with the reason.
+        The text of each setting, and a row for every record and level of noise on the logged command or of drift; of an
+        experiment that failed a row with the reason.
     """
     for setting in settings:
         records = {str(record.experiment(campaign, setting).name): record for record in records_of(campaign)}
@@ -221,13 +255,15 @@ def run_settings(campaign: MotionCampaign, settings: tuple[Setting, ...]) -> Ite
             raise ScenarioError(f"{setting}: {error}") from error
         rows: list[Row] = []
         for log in logs:
-            rows += _rows(setting, records[log.name], log, campaign.logged)
+            rows += _rows(setting, records[log.name], log, campaign.disturbances())
         rows += [{"failed": f"{name}: {why}"} for name, why in logs.failed.items()]
         yield str(setting), rows
 
 
-def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[float]) -> Iterator[Row]:
-    """Analyse a record once for every level of noise on the logged command, in parts of the command's spread."""
+def _rows(
+    setting: Setting, record: Recorded, log: JointLog, disturbances: Sequence[tuple[float, float]]
+) -> Iterator[Row]:
+    """Analyse a record once for every level of noise on the logged command and of drift, in parts of its spread."""
     data = prepared(log, setting.joint)
     if record.excitation == "multisine":
         # The last two periods: the response to the start of the waveform has died away by then.
@@ -243,13 +279,14 @@ def _rows(setting: Setting, record: Recorded, log: JointLog, levels: Sequence[fl
     # crc32, since the hash of a string differs from process to process.
     noise = np.random.default_rng([record.seed, crc32(f"{setting.joint} {log.name}".encode())])
     white = noise.standard_normal(data.u.shape)
-    for level in levels:
-        logged = replace(data, u=data.u + level * spread * white).detrend()
+    ramp = np.linspace(-0.5, 0.5, len(data))[:, None]
+    for level, drift in disturbances:
+        logged = replace(data, u=data.u + level * spread * white, y=data.y + drift * spread * ramp).detrend()
         # Unstable models overflow: `_json_number` makes None of what is not finite.
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore", SysidWarning)
             analysis = _spectra(logged) if record.excitation == "sines" else _models(setting.joint, logged)
-        row = {**facts, "logged": level, **analysis}
+        row = {**facts, "logged": level, "drift": drift, **analysis}
         yield {name: _json_number(value) for name, value in row.items()}
 
 
@@ -272,8 +309,8 @@ def _spectra(data: IOData) -> Row:
 
 def _models(joint: str, data: IOData) -> Row:
     """Read the models of a record by the thesis' methods, and its delay."""
-    correlations = sysid.delayest(data, whitening=WHITENING).correlations[:, 0, 0]
-    row: Row = {"peak_lag": int(np.argmax(correlations))}
+    correlations, _ = whitened_correlations([data], WHITENING, MOST_LAGS, LEVEL)
+    row: Row = {"peak_lag": int(np.argmax(correlations[:, 0, 0]))}
     for structure in STRUCTURES[joint]:
         if structure.method not in METHODS:
             continue
@@ -290,9 +327,8 @@ def _models(joint: str, data: IOData) -> Row:
         except (SysidError, np.linalg.LinAlgError):
             # Without a model every number of it is missing, which counts as the largest distance.
             continue
-        # The thesis tests at 99 % [Morris1996, ch. IV].
-        row[f"{name}_white"] = bool(test.whiteness_p[0] > 0.01)
-        row[f"{name}_independent"] = bool(np.min(test.independence_p) > 0.01)
+        row[f"{name}_white"] = bool(test.whiteness_p[0] > 1.0 - LEVEL)
+        row[f"{name}_independent"] = bool(np.min(test.independence_p) > 1.0 - LEVEL)
         row[f"{name}_correlation"] = float(np.sum(test.autocorrelation[1:, 0, 0] ** 2))
     return row
 

@@ -6,23 +6,23 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
-from hmtb_twin.parameters.drives import ACTUATORS, Friction
+from hmtb_twin.parameters.drives import ACTUATORS, Friction, Hydraulics
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.parameters.variants import VARIANTS
 from scenarios.report.page import Page
 from scenarios.thesis.finding import words
 from scenarios.thesis.motion import METHODS, MotionCampaign, model_numbers
-from scenarios.thesis.motion_score import COMMON, EXPLAINS, ArmScore, Cell, arms, factors, items, profile
+from scenarios.thesis.motion_score import COMMON, EXPLAINS, OWN, ArmScore, Cell, arms, factors, items, profile
 from scenarios.truth.published import published
 
 SHOWN = 20
 """Arms in the record, the best first."""
 
-SCORES_OF_JOINT = ("friction", "score", "spread", "within", "items")
+SCORES_OF_JOINT = ("friction", "drift", "score", "spread", "within", "items")
 """Numbers of a cell that the record of an arm has for each joint."""
 
-OF_MAP = ("servo", "presliding", "hold", "noise", "logged")
-"""Factors that the cells of the map have in common: those of the best arm."""
+OF_MAP = ("servo", "slope", "presliding", "hold", "noise", "logged")
+"""Factors that the cells of the map have in common: those of the best arm. They have no drift."""
 
 
 def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Sequence[str] = ()) -> dict[str, Any]:
@@ -37,6 +37,7 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
     score_by_level = profile(ranked_arms)
     return {
         "decided": "2026-11-23, before results",
+        "extended": "2026-11-30, before results",
         "explains": EXPLAINS,
         "campaign": vars(campaign),
         "settings": len(campaign.settings()),
@@ -56,16 +57,23 @@ def motion_record(campaign: MotionCampaign, cells: Sequence[Cell], failed: Seque
 
 
 def _joint_record(cells: Sequence[Cell]) -> dict[str, Any]:
-    """How many cells of a joint explain it, the best of them, and the best score at each level of friction."""
-    best_by_friction: dict[str, float] = {}
-    for level in sorted({cell.setting.friction for cell in cells}):
-        best_by_friction[str(level)] = min(cell.score for cell in cells if cell.setting.friction == level)
+    """How many cells of a joint explain it, the best of them, and the best score at each level of what is its own."""
+    best_by_level = {name: _best_by_level(cells, name) for name in OWN}
     return {
         "cells": len(cells),
         "explained": sum(cell.score <= EXPLAINS for cell in cells),
         "best": _with_distances(min(cells, key=lambda cell: cell.score)),
-        "friction": best_by_friction,
+        **best_by_level,
     }
+
+
+def _best_by_level(cells: Sequence[Cell], name: str) -> dict[str, float]:
+    """The best score of a joint at each level of a factor."""
+    scores: dict[float, float] = {}
+    for cell in cells:
+        level = float(str(factors(cell)[name]))
+        scores[level] = min(cell.score, scores.get(level, cell.score))
+    return {str(level): score for level, score in sorted(scores.items())}
 
 
 def _map_records(best: ArmScore, tests: Iterable[Sequence[Cell]]) -> list[dict[str, object]]:
@@ -74,7 +82,7 @@ def _map_records(best: ArmScore, tests: Iterable[Sequence[Cell]]) -> list[dict[s
     fixed = {name: levels_of_best[name] for name in OF_MAP}
     records = []
     for cells in tests:
-        records += [cell.record() for cell in cells if fixed.items() <= factors(cell).items()]
+        records += [cell.record() for cell in cells if fixed.items() <= factors(cell).items() and not cell.drift]
     return records
 
 
@@ -93,6 +101,8 @@ def _nominal(tests: Iterable[Sequence[Cell]]) -> ArmScore:
         "noise": hand_controller.noise,
         "volts": 1.0,
         "logged": 0.0,
+        "drift": 0.0,
+        "slope": Hydraulics.load_flow_slope,
         "presliding": Friction.presliding,
     }
 

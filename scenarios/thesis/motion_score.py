@@ -105,7 +105,7 @@ def items(joint: str) -> Mapping[str, Distance]:
 
 @dataclass(frozen=True)
 class Cell:
-    """Score of one joint in one setting, by one excitation and amplitude, with one noise on the logged command.
+    """Score of one joint in one setting, by one excitation and amplitude, with one noise in the log and one drift.
 
     Attributes:
         score: Mean over items and seeds.
@@ -119,6 +119,7 @@ class Cell:
     excitation: str
     volts: float
     logged: float
+    drift: float
     score: float
     spread: float
     seeds: int
@@ -128,7 +129,7 @@ class Cell:
 
     def record(self) -> dict[str, object]:
         """Return the cell as one row of a table."""
-        names = ("excitation", "volts", "logged", "score", "spread", "seeds", "within")
+        names = ("excitation", "volts", "logged", "drift", "score", "spread", "seeds", "within")
         fields = {name: getattr(self, name) for name in names}
         return {**asdict(self.setting), **fields, "items": len(self.distances), **self.medians}
 
@@ -140,25 +141,26 @@ def cells(results: Mapping[Setting, Sequence[Row]]) -> tuple[Cell, ...]:
 
 def _cells(setting: Setting, rows: Sequence[Row]) -> Iterator[Cell]:
     """Group the rows of a setting by excitation, amplitude and logged noise, and score each group."""
-    groups: dict[tuple[str, float, float], list[dict[str, float]]] = {}
-    spectra: dict[float, list[dict[str, float]]] = {}
+    groups: dict[tuple[str, float, float, float], list[dict[str, float]]] = {}
+    spectra: dict[tuple[float, float], list[dict[str, float]]] = {}
     for row in rows:
         # `motion_record` lists failed experiments with their reasons.
         if "failed" in row:
             continue
         numbers = _numbers_of(row)
         if row["excitation"] == "sines":
-            spectra.setdefault(row["logged"], []).append(numbers)
+            spectra.setdefault((row["logged"], row["drift"]), []).append(numbers)
         else:
-            groups.setdefault((row["excitation"], row["volts"], row["logged"]), []).append(numbers)
-    for (excitation, volts, logged), records in groups.items():
+            key = (row["excitation"], row["volts"], row["logged"], row["drift"])
+            groups.setdefault(key, []).append(numbers)
+    for (excitation, volts, logged, drift), records in groups.items():
         # The spectra of chapter III are of another test: its records go round.
-        spectra_in_turn = itertools.cycle(spectra.get(logged) or [{}])
+        spectra_in_turn = itertools.cycle(spectra.get((logged, drift)) or [{}])
         joined = []
         for numbers, spectrum in zip(records, spectra_in_turn, strict=False):
             of_spectrum = {key: spectrum[key] for key in ("break_rad_s", "disturbance_orders") if key in spectrum}
             joined.append(_Numbers(of_spectrum | numbers))
-        yield _cell(setting, excitation, volts, logged, joined)
+        yield _cell(setting, excitation, volts, (logged, drift), joined)
 
 
 def _numbers_of(row: Row) -> dict[str, float]:
@@ -170,7 +172,13 @@ def _numbers_of(row: Row) -> dict[str, float]:
     return numbers
 
 
-def _cell(setting: Setting, excitation: str, volts: float, logged: float, records: Sequence["_Numbers"]) -> Cell:
+def _cell(
+    setting: Setting,
+    excitation: str,
+    volts: float,
+    disturbance: tuple[float, float],
+    records: Sequence["_Numbers"],
+) -> Cell:
     """Score the records of one cell, one for each seed."""
     distance_functions = items(setting.joint).values()
     distances = []
@@ -181,7 +189,7 @@ def _cell(setting: Setting, excitation: str, volts: float, logged: float, record
     medians: dict[str, float] = {}
     for record in records:
         for name in record:
-            if name not in ("volts", "seed", "logged") and name not in medians:
+            if name not in ("volts", "seed", "logged", "drift") and name not in medians:
                 medians[name] = float(np.median([numbers[name] for numbers in records]))
     median_distances = tuple(float(distance) for distance in np.median(limited, axis=0))
     # A single seed has no spread.
@@ -190,7 +198,7 @@ def _cell(setting: Setting, excitation: str, volts: float, logged: float, record
         setting,
         excitation,
         volts,
-        logged,
+        *disturbance,
         score=float(limited.mean()),
         spread=spread,
         seeds=len(limited),
@@ -209,7 +217,7 @@ class _Numbers(dict[str, float]):
 
 @dataclass(frozen=True)
 class ArmScore:
-    """Three joints, a cell each, under one servo and one chain, each with the friction that suits it best."""
+    """Three joints, a cell each, under one servo and one chain, each with the friction and drift that suit it best."""
 
     cells: tuple[Cell, ...]
 
@@ -230,18 +238,21 @@ class ArmScore:
         return tuple(cell.setting.joint for cell in self.cells if cell.score <= EXPLAINS)
 
 
-COMMON = ("servo", "gain", "presliding", "hold", "noise", "volts", "logged")
-"""What the joints of one arm have in common; friction each has its own."""
+COMMON = ("servo", "slope", "gain", "presliding", "hold", "noise", "volts", "logged")
+"""What the joints of one arm have in common."""
+
+OWN = ("friction", "drift")
+"""What each joint has for itself."""
 
 
 def factors(cell: Cell) -> dict[str, object]:
-    """Return the levels of all factors of a cell by name, friction last."""
-    levels = {**asdict(cell.setting), "volts": cell.volts, "logged": cell.logged}
-    return {name: levels[name] for name in (*COMMON, "friction")}
+    """Return the levels of all factors of a cell by name, those that each joint has for itself last."""
+    levels = {**asdict(cell.setting), "volts": cell.volts, "logged": cell.logged, "drift": cell.drift}
+    return {name: levels[name] for name in (*COMMON, *OWN)}
 
 
 def arms(scored: Iterable[Cell]) -> tuple[ArmScore, ...]:
-    """Return every arm that explains the binary tests of all joints by one servo and one chain, the best first."""
+    """Return every arm that was tried by binary tests of all joints under one servo and one chain, the best first."""
     groups: dict[tuple[object, ...], dict[str, Cell]] = {}
     for cell in scored:
         # The thesis' models come from binary tests.

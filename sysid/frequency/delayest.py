@@ -106,7 +106,7 @@ def delayest(
     feedback_messages = _feedback_messages(experiments, largest + nb, level)
     for message in feedback_messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
-    correlations, bound = _correlations(experiments, whitening, largest, level)
+    correlations, bound = whitened_correlations(experiments, whitening, largest, level)
     by_arx = _first_lags(rejected)
     intervals = np.stack((np.minimum(by_arx, 0), by_arx))
     if nu == 1 and not feedback_messages:
@@ -259,7 +259,7 @@ def _feedback_messages(experiments: Sequence[IOData], lags: int, level: float) -
     return messages
 
 
-def _correlations(
+def whitened_correlations(
     experiments: Sequence[IOData], whitening: int, largest: int, level: float
 ) -> tuple[FloatArray, FloatArray]:
     """Normalised correlations with the prewhitened inputs (largest + 1, ny, nu), and their bound (ny, nu)."""

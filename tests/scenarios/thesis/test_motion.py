@@ -33,7 +33,9 @@ SMALL = MotionCampaign(
     presliding=(1e-3,),
     holds=(3,),
     noises=(0.1,),
+    slopes=(1.0,),
     logged=(0.0, 1.0),
+    drifts=(0.0,),
     volts=(1.0,),
     seeds=2,
     duration=16.0,
@@ -41,15 +43,16 @@ SMALL = MotionCampaign(
     sines_duration=16.0,
     multisines=1,
 )
-YAW = Setting("flow", 4e-3, 0.006, 1e-3, 3, 0.1, "shoulder_yaw")
+YAW = Setting("flow", 1.0, 4e-3, 0.006, 1e-3, 3, 0.1, "shoulder_yaw")
 
 
 @pytest.mark.parametrize("joint", STUDIED_JOINTS)
 def test_a_setting_is_what_it_says(joint):
-    setting = Setting("torque", 1.17e-3, 0.02, 1e-4, 1, 0.0, joint)
+    setting = Setting("torque", 0.33, 1.17e-3, 0.02, 1e-4, 1, 0.0, joint)
     scenario = setting.applied(load(f"siso-5-{joint}"))
     interface = scenario.hand_controller
     assert (interface.gain, interface.hold, interface.noise, scenario.plant.servo) == (1.17e-3, 1, 0.0, "torque")
+    assert scenario.plant.load_flow_slope == 0.33
     drive = load_arm(plant=scenario.plant).drives[joint]
     assert drive.coulomb_torque == pytest.approx(0.02 * drive.rated_torque)
     assert drive.friction.presliding == 1e-4
@@ -67,7 +70,7 @@ def test_multisines_are_as_strong_as_binary_sequences():
 
 def printed_row(joint):
     """Numbers that are what the thesis prints, of each method the last model."""
-    row = {"excitation": "prbs", "volts": 1.0, "seed": 1, "logged": 0.0, "peak_lag": 3}
+    row = {"excitation": "prbs", "volts": 1.0, "seed": 1, "logged": 0.0, "drift": 0.0, "peak_lag": 3}
     for model in published(joint):
         row |= {f"{model.method}_{key}": value for key, value in model_numbers(model.model).items()}
     row |= {"armax_white": True, "armax_independent": True, "oe_white": False, "oe_independent": True}
@@ -114,6 +117,31 @@ def test_what_is_missing_or_absurd_counts_as_farthest(value):
     assert off["OE (4.10), gain 0.707 at"] == off["break of the spectrum"] == FARTHEST
 
 
+def test_levels_that_are_tried():
+    campaign = MotionCampaign()
+    settings = campaign.settings()
+    assert {setting.slope for setting in settings if setting.servo == "torque"} == {1.0}
+    # A third of the slope takes three times the friction, on the yaw alone.
+    assert {setting.friction for setting in settings if setting.slope == 0.33 and setting.gain == 4e-3} == {
+        *(0.0007, 0.002, 0.006, 0.02),
+        0.06,
+    }
+    assert {setting.joint for setting in settings if setting.friction > 0.02} == {"shoulder_yaw"}
+    both = replace(campaign, logged=(0.0, 1.0), drifts=(0.0, 0.3)).disturbances()
+    assert both == ((0.0, 0.0), (1.0, 0.0), (0.0, 0.3))
+
+
+def test_a_drift_takes_a_slow_pole_and_raises_the_gain_at_0_hz():
+    """It is added to the record: spread and other facts stay, and the same record without drift is there, too."""
+    campaign = replace(SMALL, logged=(0.0,), drifts=(0.0, 1.0), seeds=1, multisines=0)
+    ((_, rows),) = run_settings(campaign, (YAW,))
+    still, drifting = [row for row in rows if row["excitation"] == "prbs"]
+    assert (still["drift"], drifting["drift"]) == (0.0, 1.0)
+    assert still["command_rms"] == drifting["command_rms"]
+    assert drifting["armax_slow_pole"] < 0.5 * still["armax_slow_pole"]
+    assert [cell.drift for cell in cells({YAW: rows})] == [0.0, 1.0]
+
+
 def test_joints_of_an_arm_share_all_but_their_friction():
     """Two servos; under each the yaw is best with much friction, the pitches with little."""
     results = {}
@@ -134,7 +162,7 @@ def test_joints_of_an_arm_share_all_but_their_friction():
     assert profile((best, other))["servo"] == {"flow": best.score, "torque": other.score}
     record = motion_record(replace(SMALL, frictions=(0.001, 0.01)), cells(results))
     texts = motion_texts(record)
-    assert texts[0].startswith("2 of 2 arms") and "It has servo flow, gain 4 mrad/V" in texts[0]
+    assert texts[0].startswith("2 of 2 arms") and "It has servo flow, load-flow slope 1 of the straight line’s, gain 4 mrad/V" in texts[0]
     assert texts[1].startswith("Shoulder yaw: 4 of 4 combinations explain it")
     assert [joint["friction"] for joint in record["nominal"]["joints"].values()] == [0.01, 0.001, 0.001]
     assert {row["model"]: row["distance"] for row in record["printed"] if row["model"] != "ARMAX (4.7)"} == {
@@ -191,8 +219,8 @@ def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
     assert {joint: list(one["best"]["distances"]) for joint, one in record["joints"].items()} == {
         joint: list(items(joint)) for joint in STUDIED_JOINTS
     }
-    # The first factor: flow at two presliding deflections, torque at one.
-    assert record["arms"]["number"] == 3 * 3 * 2 * 2 * 2 * 3
+    # The first factor: flow at three slopes, torque at one.
+    assert record["arms"]["number"] == 4 * 3 * 2 * 2
 
 
 @pytest.mark.thorough
