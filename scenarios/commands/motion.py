@@ -19,10 +19,10 @@ def motion(
 ) -> int:
     """How far did the arm of the thesis move, against what friction?
 
-    The thesis prints neither the unit of the hand controller's gain nor friction, servo, valves, noise and drift. Every setting of
-    these is tried on the three joints with 10 binary sequences; the models that the thesis' methods recover are scored
-    against everything that it prints. The answer: which settings explain it, whether one arm explains all joints, and
-    the map of recovered bandwidth over motion and friction.
+    The thesis prints neither the unit of the hand controller's gain nor friction, servo, valves, noise and drift. Every
+    setting of these is tried on the three joints with 10 binary sequences; the models that the thesis' methods recover
+    are scored against everything that it prints. The answer: which settings explain it, whether one arm explains all
+    joints, and the map of recovered bandwidth over motion and friction.
 
     It takes about two hours of two free processors. Finished settings are saved; an interrupted run resumes.
 
