@@ -265,11 +265,10 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
     for group, slope in zip(repeated.groups, slopes.of_mean_periods(), strict=True):
         middle += sum_over_periods(group, slope, mean_period(group, errors))
         periodic += group.count * np.einsum("tiq,tir->qr", slope, slope)
-    inverse = slopes.inverse_curvature()
-    if not (np.isfinite(inverse).all() and np.isfinite(middle).all()):
+    curvature, inverse = slopes.curvature()
+    if not (np.isfinite(inverse).all() and np.isfinite(middle).all() and np.isfinite(periodic).all()):
         # a predictor that is not stable where the parameters are moved
         return estimate
-    curvature = np.asarray(np.linalg.inv(inverse), dtype=np.float64)
     share = periodic_share(curvature, periodic)
     added = directions @ beyond_independent(inverse @ middle @ inverse, share) @ directions.T
     if not np.isfinite(added).all():
@@ -303,20 +302,22 @@ class _Slopes:
         """Derivatives in the mean period of every sequence (period, ny, q)."""
         return [np.stack(of_group, axis=2) for of_group in self._means]
 
-    def inverse_curvature(self) -> FloatArray:
-        """Inverse of their products (q, q), the identity for a step of one deviation of a true model.
+    def curvature(self) -> tuple[FloatArray, FloatArray]:
+        """Their products (q, q), the identity for steps of one deviation of a true model, and the inverse.
 
         A direction that a prior or a realisation decides has less effect on the errors than its deviation says. Of long
         records the products are not formed.
         """
         if not self._columns:
-            return np.eye(len(self._means[0]))
+            return np.eye(len(self._means[0])), np.eye(len(self._means[0]))
         table = np.column_stack(self._columns)
         curvature = table.T @ table
         if not np.isfinite(curvature).all():
-            return np.full_like(curvature, np.nan)
+            return curvature, np.full_like(curvature, np.nan)
         values, vectors = np.linalg.eigh(curvature)
-        return np.asarray((vectors / np.maximum(values, 1.0)) @ vectors.T)
+        # both from the eigenvalues: in a record without noise these span more than the digits of an inverse
+        values = np.maximum(values, 1.0)
+        return np.asarray((vectors * values) @ vectors.T), np.asarray((vectors / values) @ vectors.T)
 
 
 def _inverse_root(covariance: FloatArray) -> FloatArray:

@@ -206,9 +206,9 @@ def test_an_unwritable_report_is_refused_before_it_is_drawn(study, tmp_path):
     refused("is a folder", write_report, study, (), None, tmp_path)
 
 
-def test_the_first_screen_is_three_sentences_and_a_picture(text, answer):
+def test_the_first_screen_is_four_answers_and_a_picture(text, answer):
     first = text[text.index('<section id="answer">') : text.index('<section id="bandwidths">')]
     assert re.findall(r"<p>(.*?)</p>", re.sub("</?strong>", "", first)) == [
-        escape(one) for one in answer_texts(answer, read_motion())[:3]
+        escape(one) for one in answer_texts(answer, read_motion())[:4]
     ]
     assert first.count("<figure") == 1
