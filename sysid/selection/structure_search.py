@@ -1,5 +1,6 @@
 """Search for the structure, delay and orders of a model by a criterion, each candidate fitted in a few steps."""
 
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -30,7 +31,7 @@ from sysid.polynomial.trends import LINE, OFFSET, Levelled, level
 from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, complete_parts
-from sysid.records.errors import SysidError
+from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.resolution import resolution
 from sysid.selection.slow_modes import least_drive, slow_poles, slow_radius
 from sysid.subspace import n4sid, pem_ss
@@ -790,7 +791,9 @@ def _variance_of_rounding(experiments: Experiments) -> float:
     if not steps.all():
         return 0.0
     variance = float(np.exp(np.mean(np.log(steps**2 / 12.0))))
-    with suppress(SysidError):
+    with suppress(SysidError), warnings.catch_warnings():
+        # what this model is good for is no matter: it shows what is finer than the steps
+        warnings.simplefilter("ignore", SysidWarning)
         loss = arx(complete_parts(experiments), EXACT_ORDER, EXACT_ORDER, 0).loss
         if loss < FINER * variance:
             return 0.0
