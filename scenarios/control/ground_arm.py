@@ -73,7 +73,7 @@ def on_arm_of(ground: MultisineExperiment, experiment: MultisineExperiment) -> M
 
 
 def _identified_arm(experiment: Scenario | MultisineExperiment, payload: str | None) -> dict[str, Any]:
-    """Return `ARM_FIELDS` of the arm from which a controller for an experiment is designed."""
+    """Return the fields that describe the arm from which a controller for an experiment is designed."""
     arm = {name: getattr(experiment, name) for name in ARM_FIELDS}
     if experiment.worksite:
         # The operator takes the unit: the arm is identified with it.

@@ -86,7 +86,7 @@ class Score(Locked):
 
     @property
     def total_arm(self) -> float:
-        """The same against the simulated reference arm, rad; NaN without one."""
+        """Root mean square error against the simulated reference arm, rad; NaN without one."""
         return float("nan") if self.rmse_arm is None else float(_rms(self.rmse_arm))
 
 

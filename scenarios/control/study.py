@@ -75,7 +75,7 @@ class ControlResult:
 
     @property
     def factor_arm(self) -> float:
-        """The same against the simulated reference arm, whose own joints stick; NaN if either did not run."""
+        """Error without control over that with it, against the simulated reference arm; NaN if either did not run."""
         if self.controlled is None:
             return float("nan")
         return _ratio(self.without.total_arm, self.controlled.total_arm)

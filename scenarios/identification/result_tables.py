@@ -128,7 +128,7 @@ def _pole_tables(model: Estimate) -> list[ResultTable]:
 
 
 def _several_joints(record: IOData) -> tuple[str, ...]:
-    """Joints of a record of several; none of one joint, or of other channels."""
+    """Names of the joints, where a record moves several; empty for one joint, or for other channels."""
     joints = joints_of(record)
     return joints if len(joints) > 1 else ()
 
@@ -637,7 +637,7 @@ def _error_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str
 
 
 def _gains_with_errors(error: ModelError, fitted: FittedModel, output: int) -> list[tuple[int, int]]:
-    """Numbers of the inputs and frequencies at which the gains to an output are listed.
+    """Indices of the inputs and frequencies whose gains to an output the table shows.
 
     They are the lowest strong line and the bandwidths of each path to it; of several joints only of the joint's own
     path: nine paths at all bandwidths would be eighty rows.

@@ -26,7 +26,7 @@ class Drawing:
 
 
 def no_drawing(reason: str) -> Drawing:
-    """A chart without any view."""
+    """Return an empty drawing that says why there is none."""
     return Drawing(Chart({}), (reason,))
 
 

@@ -51,7 +51,7 @@ def cross_correlation_panel(
 
 
 def _shift(index: int) -> float:
-    """Distance of a model's stems from the lag: stems of several models stand side by side."""
+    """Horizontal shift of one model's stems, so that those of several models stand side by side."""
     return 0.4 * index
 
 

@@ -138,7 +138,7 @@ class MeasuredRecord:
 
     @property
     def place(self) -> int:
-        """Number of the longest stretch."""
+        """Index of the longest stretch without gaps."""
         return max(range(len(self.parts)), key=lambda k: len(self.parts[k]))
 
     @cached_property

@@ -239,10 +239,10 @@ class ArmScore:
 
 
 COMMON = ("servo", "slope", "gain", "presliding", "hold", "noise", "volts", "logged")
-"""What the joints of one arm have in common."""
+"""Factors that all joints of one arm share."""
 
 OWN = ("friction", "drift")
-"""What each joint has for itself."""
+"""Factors that differ from joint to joint of one arm."""
 
 
 def factors(cell: Cell) -> dict[str, object]:

@@ -22,7 +22,14 @@ def gain_crossing(response: FrequencyResponse, level: float) -> float:
 
     NaN if the gain never falls below the level, or lies below it from the first line on.
     """
-    f, gain = response.frequencies, response.magnitude[:, 0, 0]
+    return crossing_frequency(response.frequencies, response.magnitude[:, 0, 0], level)
+
+
+def crossing_frequency(f: FloatArray, gain: FloatArray, level: float) -> float:
+    """First frequency in Hz at which a gain (nf,) at frequencies above 0 Hz (nf,) falls below a level.
+
+    Interpolated on logarithmic axes. NaN if it never does, or lies below the level from the first frequency on.
+    """
     below = np.flatnonzero(gain < level)
     if not len(below) or below[0] == 0:
         return float("nan")

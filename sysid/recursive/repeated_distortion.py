@@ -7,8 +7,8 @@ from sysid.records.data import IOData
 from sysid.records.repetition import Repetition
 from sysid.recursive.servo_quantities import ServoQuantities
 from sysid.recursive.stretch_fit import StretchFit, gradient_rows
-from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
-from sysid.validation.model_error import BESIDE_PARAMETERS, FEWEST, HIGHEST, LOWEST, REACH
+from sysid.validation.misfit_posterior import Hypotheses, Lines
+from sysid.validation.model_error import HIGHEST, LOWEST, REACH, lines_needed, posterior_at
 from sysid.validation.simulation_lines import lines_of_mean_periods
 
 
@@ -17,8 +17,6 @@ def half_widths(
     stretch: tuple[FloatArray, FloatArray, int],
     group: Repetition,
     quantities: ServoQuantities,
-    nk: int,
-    dt: float,
 ) -> FloatArray | None:
     """Half-widths of the 95 % intervals of log bandwidth and delay (2,) for the best linear system of a stretch.
 
@@ -30,17 +28,15 @@ def half_widths(
         stretch: Input and output (N,) with the samples before it, and the number of its first sample.
         group: The periods of the input in the stretch.
         quantities: Bandwidth and delay of a model.
-        nk: Delay in samples.
-        dt: Sampling interval, s.
 
     Returns:
         The half-widths; None where the period has too few lines to tell.
     """
     u, y, begin = stretch
     n = fit.order
-    columns, errors = gradient_rows(u, y, begin, nk, fit.B, fit.F)
+    columns, errors = gradient_rows(u, y, begin, quantities.nk, fit.B, fit.F)
     errors = errors - columns[:, 2 * n :] @ fit.nuisance
-    record = IOData(u[begin:], errors, dt)
+    record = IOData(u[begin:], errors, quantities.dt)
     spectra = lines_of_mean_periods([record], [errors], [group])
     responses, changes = quantities.relative_changes(fit.B, fit.F, spectra.frequencies)
     steps = fit.directions[: 2 * n]
@@ -55,28 +51,24 @@ def half_widths(
         variances=None,
         freedom=0.0,
     )
-    needed = max(FEWEST, steps.shape[1] + BESIDE_PARAMETERS)
-    if len(lines) < needed:
+    if len(lines) < lines_needed(lines):
         return None
 
     def at(hz: float) -> Hypotheses:
-        """The posterior at a frequency, from the lines about it."""
-        distance = np.abs(np.log(lines.frequencies / hz))
-        chosen = distance <= np.log(REACH)
-        chosen[np.argsort(distance, kind="stable")[:needed]] = True
+        """The posterior at a frequency."""
         _, of_model = quantities.relative_changes(fit.B, fit.F, np.array([hz]))
-        return posterior(lines.chosen(np.flatnonzero(chosen)), hz, of_model @ steps)
+        return posterior_at(lines, hz, of_model @ steps)
 
     (log_hz, delay), _ = quantities(fit.B, fit.F)
     hz = float(np.exp(log_hz))
     there = at(hz)
-    of_gain = _reach(there.log_gain_quantile(0, LOWEST), there.log_gain_quantile(0, HIGHEST))
+    of_gain = _half_width(there.log_gain_quantile(0, LOWEST), there.log_gain_quantile(0, HIGHEST))
     if not quantities.knows_gain:
         # the level follows the gain at 0 Hz, of which the lowest line tells most
         lowest = at(float(lines.frequencies.min()) / REACH)
-        of_level = _reach(lowest.log_gain_quantile(0, LOWEST), lowest.log_gain_quantile(0, HIGHEST))
+        of_level = _half_width(lowest.log_gain_quantile(0, LOWEST), lowest.log_gain_quantile(0, HIGHEST))
         of_gain = float(np.hypot(of_gain, of_level))
-    of_phase = _reach(there.phase_quantile(0, LOWEST), there.phase_quantile(0, HIGHEST))
+    of_phase = _half_width(there.phase_quantile(0, LOWEST), there.phase_quantile(0, HIGHEST))
     slope, turn = quantities.along(fit.B, fit.F, hz)
     of_log_hz = of_gain / abs(slope)
     # the delay changes with the phase, and with the frequency at which it is taken
@@ -85,6 +77,6 @@ def half_widths(
     return np.array([of_log_hz, of_delay])
 
 
-def _reach(low: float, high: float) -> float:
+def _half_width(low: float, high: float) -> float:
     """Half the width of an interval."""
     return 0.5 * (high - low)

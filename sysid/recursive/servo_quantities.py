@@ -21,7 +21,7 @@ class ServoQuantities:
 
     def __init__(self, nk: int, dt: float, gain: float | None) -> None:
         """Keep the delay in samples, the sampling interval in s, and the gain at 0 Hz where it is known."""
-        self._nk, self._dt, self._gain = nk, dt, gain
+        self.nk, self.dt, self._gain = nk, dt, gain
         self.knows_gain = gain is not None
         self._grid = np.geomspace(LOWEST, 0.5, LINES)
         # powers of the shift operator on the grid: most of the time of an evaluation, were they computed anew
@@ -42,30 +42,27 @@ class ServoQuantities:
         shifts = self._shifts(np.array([f * (1 - h), f, f * (1 + h), 0.0]))
         around = self._responses(B, F, shifts)
         relative = self._relative_gradients(F, shifts, around)
-        # d log |G| and d arg G by log f
-        slope = np.log(np.abs(around[2] / around[0])) / (2.0 * h)
-        turn = np.angle(around[2] / around[0]) / (2.0 * h)
+        slope, turn = _by_log_frequency(around[2] / around[0])
         # the crossing moves so far along the slope as gain and level part
         level_gradient = relative[3].real if self._gain is None else 0.0
         log_f_gradient = -(relative[1].real - level_gradient) / slope
         # from 0 Hz on along the grid: a phase beyond half a turn would jump
         phase = float(np.unwrap(np.angle(responses[: k + 1]))[-1])
         phase += float(np.angle(around[1] / responses[k]))
-        delay = -phase / (2.0 * np.pi * f) * self._dt
+        delay = -phase / (2.0 * np.pi * f) * self.dt
         phase_gradient = relative[1].imag + turn * log_f_gradient
-        delay_gradient = -phase_gradient / (2.0 * np.pi * f) * self._dt - delay * log_f_gradient
-        return np.array([np.log(f / self._dt), delay]), np.stack((log_f_gradient, delay_gradient))
+        delay_gradient = -phase_gradient / (2.0 * np.pi * f) * self.dt - delay * log_f_gradient
+        return np.array([np.log(f / self.dt), delay]), np.stack((log_f_gradient, delay_gradient))
 
     def along(self, B: FloatArray, F: FloatArray, hz: float) -> tuple[float, float]:
         """Changes of log gain and of phase, rad, with the logarithm of the frequency, at a frequency in Hz."""
         h = RELATIVE_STEP
-        around = self._responses(B, F, self._shifts(hz * self._dt * np.array([1 - h, 1 + h])))
-        ratio = around[1] / around[0]
-        return float(np.log(np.abs(ratio)) / (2.0 * h)), float(np.angle(ratio) / (2.0 * h))
+        around = self._responses(B, F, self._shifts(hz * self.dt * np.array([1 - h, 1 + h])))
+        return _by_log_frequency(around[1] / around[0])
 
     def relative_changes(self, B: FloatArray, F: FloatArray, hz: FloatArray) -> tuple[ComplexArray, ComplexArray]:
         """Response (nf,) and its relative change by B and F[1:] (nf, 2n) at frequencies in Hz (nf,)."""
-        shifts = self._shifts(hz * self._dt)
+        shifts = self._shifts(hz * self.dt)
         responses = self._responses(B, F, shifts)
         return responses, self._relative_gradients(F, shifts, responses)
 
@@ -84,15 +81,20 @@ class ServoQuantities:
     def _relative_gradients(self, F: FloatArray, shifts: ComplexArray, responses: ComplexArray) -> ComplexArray:
         """Gradients of log G by B and F[1:] at several frequencies (frequencies, 2n)."""
         n = len(F) - 1
-        by_coefficient = np.hstack((shifts[:, self._nk : self._nk + n], -responses[:, None] * shifts[:, 1 : n + 1]))
+        by_coefficient = np.hstack((shifts[:, self.nk : self.nk + n], -responses[:, None] * shifts[:, 1 : n + 1]))
         denominators = shifts[:, : n + 1] @ F
         return np.asarray(by_coefficient / denominators[:, None] / responses[:, None])
 
     def _shifts(self, f: FloatArray) -> ComplexArray:
         """Powers 0, 1, ... of exp(-2 pi i f), f in cycles per sample (frequencies, powers)."""
-        return np.asarray(np.exp(-2j * np.pi * f[:, None] * np.arange(LAGS + self._nk)))
+        return np.asarray(np.exp(-2j * np.pi * f[:, None] * np.arange(LAGS + self.nk)))
 
     def _responses(self, B: FloatArray, F: FloatArray, shifts: ComplexArray) -> ComplexArray:
         """Frequency response G = B/F."""
         n = len(B)
-        return np.asarray(shifts[:, self._nk : self._nk + n] @ B / (shifts[:, : n + 1] @ F))
+        return np.asarray(shifts[:, self.nk : self.nk + n] @ B / (shifts[:, : n + 1] @ F))
+
+
+def _by_log_frequency(ratio: complex) -> tuple[float, float]:
+    """Changes of log gain and of phase with log frequency, from the ratio of responses on both sides of one."""
+    return float(np.log(np.abs(ratio)) / (2.0 * RELATIVE_STEP)), float(np.angle(ratio) / (2.0 * RELATIVE_STEP))

@@ -165,6 +165,7 @@ class Tracker:
             )
         self._period = 0
         self._group: Repetition | None = None
+        self._counts_order = False
         self._find_period()
         self._inflation = self._score_scatter(fit, gradients)
         self._scatter_of_long = self._inflation / self._plays(len(fit.errors))
@@ -247,7 +248,7 @@ class Tracker:
         if self._group is None:
             return np.asarray(scatter)
         stretch = np.array(self._u), np.array(self._y), self._begin
-        half = half_widths(fit, stretch, self._group, self._quantities, self._nk, self.dt)
+        half = half_widths(fit, stretch, self._group, self._quantities)
         if half is None:
             return np.asarray(scatter)
         # too low an order is in these already: what models of other degrees differ by is not added

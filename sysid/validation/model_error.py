@@ -8,7 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from sysid.models.bandwidth import HALF_POWER
+from sysid.models.bandwidth import HALF_POWER, crossing_frequency
 from sysid.models.estimate import Bandwidth, Estimate, as_estimate
 from sysid.models.predict import predict
 from sysid.models.repeated_errors import LEVEL, RepeatedErrors, repeated_errors
@@ -267,15 +267,14 @@ def _p_value_of_bands(lines: Lines) -> float:
 def _log_intervals(lines: Lines, estimate: Estimate, output: int, f: FloatArray) -> FloatArray:
     """Ends of the interval of the logarithm of true gain over the model's (nf, nu, 2); NaN where lines are too few."""
     nu = estimate.model.nu
-    needed = max(FEWEST, lines.sensitivities.shape[1] + BESIDE_PARAMETERS)
-    if len(lines) < needed:
+    if len(lines) < lines_needed(lines):
         return np.full((len(f), nu, 2), np.nan)
     anchors = _anchors(f, lines.frequencies)
     g = estimate.realise(estimate.parameters).frequency_response(anchors)[:, output]
     changes = response_changes(estimate, anchors, output) / g[:, :, None]
     ends = np.empty((len(anchors), nu, 2))
     for k, frequency in enumerate(anchors):
-        hypotheses = _posterior_at(lines, float(frequency), needed, changes[k])
+        hypotheses = posterior_at(lines, float(frequency), changes[k])
         for j in range(nu):
             ends[k, j] = [hypotheses.log_gain_quantile(j, probability) for probability in (LOWEST, HIGHEST)]
     logarithm = np.log(np.maximum(f, anchors[0]))
@@ -285,11 +284,22 @@ def _log_intervals(lines: Lines, estimate: Estimate, output: int, f: FloatArray)
     return interpolated
 
 
-def _posterior_at(lines: Lines, frequency: float, needed: int, changes: np.ndarray) -> Hypotheses:
-    """Posterior at a frequency from the lines about it."""
+def lines_needed(lines: Lines) -> int:
+    """Number of lines about a frequency that tell noise and distortion from the error of the response."""
+    return max(FEWEST, lines.sensitivities.shape[1] + BESIDE_PARAMETERS)
+
+
+def posterior_at(lines: Lines, frequency: float, changes: np.ndarray) -> Hypotheses:
+    """Posterior of the relative error at a frequency in Hz from the lines about it.
+
+    Args:
+        lines: As many as `lines_needed` or more.
+        frequency: Hz, above 0.
+        changes: Relative change of the response of each path per parameter direction there (nu, p).
+    """
     distance = np.abs(np.log(lines.frequencies / frequency))
     chosen = distance <= np.log(REACH)
-    chosen[np.argsort(distance, kind="stable")[:needed]] = True
+    chosen[np.argsort(distance, kind="stable")[: lines_needed(lines)]] = True
     return posterior(lines.chosen(np.flatnonzero(chosen)), frequency, changes)
 
 
@@ -306,12 +316,9 @@ def _anchors(f: FloatArray, of_lines: FloatArray) -> FloatArray:
 def _crossing(f: FloatArray, gain: FloatArray, reference: float) -> float:
     """First frequency in Hz at which a gain (nf,) has fallen by 3.01 dB from a reference, on logarithmic axes."""
     level = HALF_POWER * reference
-    below = np.flatnonzero(gain < level)
-    if not len(below):
-        return float("nan")
-    k = int(below[0])
-    # an interval may begin at the first frequency, which at 0 Hz has no logarithm
-    if k == 0 or f[k - 1] == 0.0:
-        return float(f[k])
-    around = [k, k - 1]
-    return float(np.exp(np.interp(np.log(level), np.log(gain[around]), np.log(f[around]))))
+    if gain[0] < level:
+        return float(f[0])
+    # 0 Hz has no logarithm: a crossing below the next frequency is there
+    positive = f > 0.0
+    f, gain = f[positive], gain[positive]
+    return float(f[0]) if gain[0] < level else crossing_frequency(f, gain, level)

@@ -257,7 +257,7 @@ def spectrum_claim(estimate, system) -> dict[str, Claim]:
 
 
 def noise_claim(response, system, k=0) -> dict[str, Claim]:
-    """Claim of a nonparametric spectrum of the disturbance: a chi-square variable over its degrees of freedom."""
+    """Check a nonparametric spectrum of the disturbance, which should scatter as chi-square over its freedom."""
     true = float(system.spectrum([response.frequencies[k]])[0])
     freedom = response.degrees_of_freedom
     low, high = (float(end[k, 0]) for end in response.noise_ci95())
