@@ -1,6 +1,7 @@
 """Detection of changes by the energy of the innovations, with a threshold for a wanted rate of false alarms."""
 
 from collections import deque
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -9,6 +10,28 @@ import scipy
 from sysid.records.arrays import FloatArray
 
 FEWEST_WINDOWS = 4  # of the calibration: the scatter of fewer says nothing
+
+
+@dataclass(frozen=True)
+class Scatter:
+    """Scatter of the statistic over a stretch without a change.
+
+    Attributes:
+        mean: Of the statistic.
+        deviation: Of the statistic.
+        windows: Independent windows in the stretch.
+        quantile: Deviations above the mean that give the wanted rate of false alarms.
+    """
+
+    mean: float
+    deviation: float
+    windows: float
+    quantile: float
+
+    def level(self, window_share: float) -> float:
+        """Threshold of the statistic for a model of a stretch of which a window is this share."""
+        # a short stretch knows its variance less well
+        return self.mean + self.quantile * self.deviation * float(np.sqrt(1.0 + 1.0 / self.windows + window_share))
 
 
 class ChangeTest:
@@ -21,6 +44,10 @@ class ChangeTest:
     crosses its mean upwards [Rice1945]; the level follows from the wanted rate. As mean and deviation come from n
     independent windows, the quantile is Student's with n - 1 degrees of freedom. Logarithms of energies have a lighter
     upper tail than the normal distribution, which makes the level cautious.
+
+    After a change the errors may be burstier than before: another payload, another friction. Then the threshold follows
+    the scatter over the stretch since the change, and until that is as long as the calibration never falls below the
+    one of the calibration.
     """
 
     def __init__(self, errors: FloatArray, variance: float, window: int, rate: float, dt: float) -> None:
@@ -33,18 +60,35 @@ class ChangeTest:
             rate: Wanted false alarms per second.
             dt: Sampling interval, s.
         """
-        energy = np.convolve(errors**2, np.full(window, 1.0 / window), mode="valid")
-        statistics = np.log(energy / variance)
-        self._window = window
-        self._mean, self._deviation = float(statistics.mean()), float(statistics.std())
-        self._windows = max(len(errors) / window, FEWEST_WINDOWS)
-        above = statistics > self._mean
-        crossings = max(int(np.sum(above[1:] & ~above[:-1])), 1)
-        crossing_rate = crossings / (len(statistics) * dt)
-        # Rice's formula for the level z; a rate of alarms near that of the crossings leaves no threshold
-        z = np.sqrt(2.0 * np.log(max(crossing_rate / rate, 2.0)))
-        self._quantile = float(scipy.stats.t.isf(scipy.stats.norm.sf(z), self._windows - 1.0))
+        self._window, self._rate, self._dt = window, rate, dt
+        self._calibration = len(errors)
+        self._scatters: tuple[Scatter, ...] = (self._scatter(errors, variance),)
         self.restart()
+
+    def _scatter(self, errors: FloatArray, variance: float) -> Scatter:
+        """Scatter of the statistic over errors (N,) without a change."""
+        energy = np.convolve(errors**2, np.full(self._window, 1.0 / self._window), mode="valid")
+        statistics = np.log(energy / variance)
+        mean, deviation = float(statistics.mean()), float(statistics.std())
+        windows = max(len(errors) / self._window, FEWEST_WINDOWS)
+        above = statistics > mean
+        crossings = max(int(np.sum(above[1:] & ~above[:-1])), 1)
+        crossing_rate = crossings / (len(statistics) * self._dt)
+        # Rice's formula for the level z; a rate of alarms near that of the crossings leaves no threshold
+        z = np.sqrt(2.0 * np.log(max(crossing_rate / self._rate, 2.0)))
+        quantile = float(scipy.stats.t.isf(scipy.stats.norm.sf(z), windows - 1.0))
+        return Scatter(mean, deviation, windows, quantile)
+
+    def learn(self, errors: FloatArray, variance: float) -> None:
+        """Take in the errors (N,) of a fit to the stretch since the last change, and their variance."""
+        if len(errors) < FEWEST_WINDOWS * self._window:
+            return
+        with np.errstate(divide="ignore", invalid="ignore"):
+            own = self._scatter(errors, variance)
+        # an arm that stands still leaves windows without any energy, which tell no scatter
+        if not np.isfinite(own.deviation):
+            return
+        self._scatters = (own,) if len(errors) >= self._calibration else (self._scatters[0], own)
 
     def restart(self) -> None:
         """Forget the errors so far."""
@@ -52,10 +96,9 @@ class ChangeTest:
 
     def threshold(self, samples: int, parameters: int) -> float:
         """Level of the statistic for a model of this many parameters that was fitted to so many samples."""
-        # a short stretch knows its variance and its parameters less well
-        scatter = np.sqrt(1.0 + 1.0 / self._windows + self._window / samples)
+        # a short stretch knows its parameters less well
         excess_by_parameters = float(np.log1p(parameters / samples))
-        return self._mean + excess_by_parameters + self._quantile * self._deviation * float(scatter)
+        return excess_by_parameters + max(scatter.level(self._window / samples) for scatter in self._scatters)
 
     def update(self, error: float, variance: float) -> float:
         """Return the statistic after one more error; minus infinity while the window fills."""

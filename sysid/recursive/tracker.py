@@ -368,6 +368,7 @@ class Tracker:
         if self._fit is None:
             self._test.restart()
         fit = preferred(fits)
+        self._test.learn(fit.errors, fit.variance)
         gradients = self._quantities(fit.B, fit.F)[1]
         if np.isfinite(gradients).all():
             self._find_period()

@@ -126,6 +126,36 @@ def test_false_alarms_and_detection():
     assert last > test.threshold(1500, 10) and 80 <= test.age(1.0) < 100
 
 
+def bursts(rng, size):
+    """Errors of unit variance that come in bursts of half a second, as dry friction makes them."""
+    loud = np.repeat(rng.random(size // 25) < 0.15, 25)
+    return np.where(loud, 2.2, 0.57) * rng.standard_normal(size)
+
+
+def test_the_threshold_follows_the_bursts_of_an_arm_behind_a_change():
+    rng = np.random.default_rng(4)
+    test = ChangeTest(rng.standard_normal(1500), 1.0, 50, 1 / 3600, 0.02)
+    before = test.threshold(1500, 10)
+    statistics = [test.update(e, 1.0) for e in bursts(rng, 30000)]
+    assert max(statistics) > before
+    # too few to tell, then a part of a calibration, which only raises the threshold
+    test.learn(0.1 * rng.standard_normal(150), 0.01)
+    assert test.threshold(1500, 10) == before
+    test.learn(rng.standard_normal(750), 1.0)
+    assert test.threshold(1500, 10) >= before
+    test.learn(bursts(rng, 750), 1.0)
+    assert test.threshold(1500, 10) > 1.5 * before
+    test.learn(bursts(rng, 3000), 1.0)
+    assert max(statistics) < test.threshold(3000, 10)
+    # as long as the calibration: its own scatter alone
+    test.learn(rng.standard_normal(1500), 1.0)
+    assert test.threshold(1500, 10) == pytest.approx(before, rel=0.3)
+    # an arm that stands still tells nothing
+    known = test.threshold(1500, 10)
+    test.learn(np.zeros(1500), 1.0)
+    assert test.threshold(1500, 10) == known
+
+
 @pytest.mark.thorough
 def test_a_change_is_noticed_and_followed():
     hits = []
