@@ -48,6 +48,11 @@ class RepeatedErrors:
     p_value: float
 
     @property
+    def is_significant(self) -> bool:
+        """Whether errors repeat more than chance makes them, so that they count once."""
+        return self.p_value < LEVEL
+
+    @property
     def diagnostics(self) -> dict[str, float | int]:
         """Entries of an estimate's diagnostics."""
         return {
@@ -154,14 +159,20 @@ def _spectrum_at_zero(terms: FloatArray) -> FloatArray:
 
 def _larger(first: FloatArray, second: FloatArray) -> FloatArray:
     """Covariance that is no smaller than either of two in any direction, and than both by no more than it must."""
-    values, vectors = np.linalg.eigh(first + second)
-    kept = values > np.finfo(float).eps * len(values) * max(values.max(initial=0.0), np.finfo(float).tiny)
-    root = vectors[:, kept] * np.sqrt(values[kept])
-    whitener = vectors[:, kept] / np.sqrt(values[kept])
+    values, vectors = _axes_above_rounding(first + second)
+    root = vectors * np.sqrt(values)
+    whitener = vectors / np.sqrt(values)
     # in these coordinates the two add up to the identity: they have the same axes
     shares, axes = np.linalg.eigh(whitener.T @ first @ whitener)
     half = root @ axes
     return np.asarray((half * np.maximum(shares, 1.0 - shares)) @ half.T)
+
+
+def _axes_above_rounding(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Eigenvalues of a covariance (n, n) that are larger than rounding (r,), and their eigenvectors (n, r)."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > np.finfo(float).eps * len(values) * max(values.max(initial=0.0), np.finfo(float).tiny)
+    return values[kept], vectors[:, kept]
 
 
 def mean_period(group: Repetition, signals: Sequence[FloatArray]) -> FloatArray:
@@ -189,9 +200,8 @@ def periodic_share(whole: FloatArray, periodic: FloatArray) -> FloatArray:
         whole: Sum over time of the products of the weights.
         periodic: The same of their means over the periods, times the number of periods.
     """
-    values, vectors = np.linalg.eigh(whole)
-    kept = values > np.finfo(float).eps * len(values) * max(values.max(initial=0.0), np.finfo(float).tiny)
-    inverse_root = (vectors[:, kept] / np.sqrt(values[kept])) @ vectors[:, kept].T
+    values, vectors = _axes_above_rounding(whole)
+    inverse_root = (vectors / np.sqrt(values)) @ vectors.T
     shares, axes = np.linalg.eigh(inverse_root @ periodic @ inverse_root)
     return np.asarray((axes * np.clip(shares, 0.0, 1.0)) @ axes.T)
 
@@ -216,7 +226,7 @@ def repeated_in_weighted_sum(
     """
     columns = [error[:, None] for error in errors]
     repeated = repeated_errors(experiments, columns)
-    if repeated is None or repeated.p_value >= LEVEL:
+    if repeated is None or not repeated.is_significant:
         return None
     directions = standard_directions(covariance)
     directions = directions[:, np.abs(directions).max(axis=0) > 0.0]
@@ -252,7 +262,7 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
     whitening = _inverse_root(estimate.noise_variance)
     errors = _whitened_errors(estimate.model, experiments, whitening)
     repeated = _errors_of_groups(groups, errors)
-    if repeated is None or not repeated.p_value < LEVEL:
+    if repeated is None or not repeated.is_significant:
         return estimate
     directions = standard_directions(estimate.covariance)
     directions = directions[:, np.abs(directions).max(axis=0) > 0.0]

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
-from sysid.models.repeated_errors import LEVEL, beyond_independent, mean_period, repeated_errors
+from sysid.models.repeated_errors import beyond_independent, mean_period, repeated_errors
 from sysid.polynomial.arx import arx
 from sysid.polynomial.initial_conditions import InitialConditions
 from sysid.polynomial.oe import oe
@@ -147,7 +147,7 @@ def _covariance(
     of_sum = long_run_covariance(terms)
     by_reference = [IOData(r, e.y, e.dt, window=e.window) for r, e in zip(references, experiments, strict=True)]
     repeated = repeated_errors(by_reference, terms)
-    if repeated is not None and repeated.p_value < LEVEL:
+    if repeated is not None and repeated.is_significant:
         samples, of_independent = sum(map(len, terms)), of_sum
         for group in repeated.groups:
             # what is the same in all periods adds up with their number, not with its root

@@ -12,7 +12,6 @@ from sysid.models.estimate import Estimate
 from sysid.models.predict import predict, residuals
 from sysid.models.recursion import free_response
 from sysid.models.repeated_errors import (
-    LEVEL,
     RepeatedErrors,
     beyond_independent,
     mean_period,
@@ -398,7 +397,7 @@ def _repeated(
     """
     errors = regression.errors(fit.solution)
     repeated = repeated_errors(regression.experiments, errors)
-    if repeated is None or repeated.p_value >= LEVEL:
+    if repeated is None or not repeated.is_significant:
         return None
     total: FloatArray | float = 0.0
     independent: FloatArray | float = 0.0
