@@ -116,13 +116,14 @@ def _period(x: FloatArray) -> tuple[int, float]:
 
 
 def _lag_correlations(x: FloatArray) -> FloatArray:
-    """Correlation of signals (N, n) with themselves at lags 0 to N / 2, all signals together."""
+    """Correlation of signals (N, n) with themselves at lags 0 to N / 2 + 1, all signals together."""
     n = len(x)
     size = scipy.fft.next_fast_len(2 * n, real=True)
     spectrum = np.abs(scipy.fft.rfft(x, size, axis=0)) ** 2
-    products = scipy.fft.irfft(spectrum.sum(axis=1), size)[: n // 2 + 1]
+    # one lag beyond half of the record: whether a sequence that is played twice ends there shows beside its neighbours
+    lags = np.arange(n // 2 + 2)
+    products = scipy.fft.irfft(spectrum.sum(axis=1), size)[lags]
     power = np.concatenate(([0.0], np.cumsum(np.sum(x**2, axis=1))))
-    lags = np.arange(n // 2 + 1)
     early, late = power[n - lags], power[n] - power[lags]
     return np.asarray(products / np.sqrt(np.maximum(early * late, np.finfo(float).tiny)))
 
