@@ -22,6 +22,7 @@ from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
 from sysid.validation.simulation_lines import (
     lines_of_bands,
     lines_of_mean_periods,
+    p_value_of_common_part,
     relative_lines,
     response_changes,
 )
@@ -31,6 +32,7 @@ BESIDE_PARAMETERS = 6  # lines beyond the number of parameters
 REACH = 8.0  # ratio of frequencies within which lines count all the same
 ANCHORS = 24  # frequencies at which the posterior is computed, at most; between them it is interpolated
 LOWEST, HIGHEST = 0.025, 0.975  # probabilities at the ends of a 95 % interval
+LARGEST_STEP = 1.2  # ratio of neighbouring frequencies between which a gain is interpolated
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -44,9 +46,13 @@ class ModelError(Locked):
             the input (nf, ny, nu) each; NaN where the covariance is not known.
         interval: Ends of the 95 % interval with nonlinear distortion and too low an order (nf, ny, nu) each; it holds
             that of the parameters. NaN where the input has too few lines to tell.
-        p_values: Of the hypothesis that noise explains the errors of the simulation, per output (ny,).
+        p_values: Of the hypothesis that noise explains the errors of the simulation, per output (ny,); NaN where the
+            input has too few lines to test it.
+        line_counts: Lines of the input that tell the errors apart, and how many are needed, per output.
         repeated: The periods of the input and what of the simulation errors repeats with them, per output; None where
             the input does not repeat.
+        p_distortion: Of the hypothesis that errors differ from sequence to sequence, as distortion does and too low an
+            order does not, per output; NaN without several sequences of one period, or of several inputs.
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
         input_names: One name per input.
         output_names: One name per output.
@@ -57,7 +63,9 @@ class ModelError(Locked):
     noise_alone: tuple[FloatArray, FloatArray]
     interval: tuple[FloatArray, FloatArray]
     p_values: FloatArray
+    line_counts: tuple[tuple[int, int], ...]
     repeated: tuple[RepeatedErrors | None, ...]
+    p_distortion: tuple[float, ...]
     strong_line: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
@@ -77,39 +85,49 @@ class ModelError(Locked):
 
         At the lowest strong line as reference no gain at 0 Hz is extrapolated. The interval is where a gain within
         `interval` may cross: from the frequency at which the lower end has fallen by that much from the upper end at
-        the reference, to that at which the upper end has from the lower one. It holds more often than each of them. NaN
-        where a crossing lies above the last frequency, or the input has too few lines to tell.
+        the reference, to that at which the upper end has from the lower one. It holds more often than each of them. Its
+        lower end is the reference where the interval there is wider than the fall. NaN where a crossing lies above the
+        last frequency, or the input has too few lines to tell.
 
         Args:
-            reference: One of `frequencies`, Hz; the first by default.
+            reference: One of `frequencies`, Hz; the lowest by default.
 
         Raises:
-            SysidError: The reference is none of the frequencies.
+            SysidError: The reference is none of the frequencies; neighbours above it, up to the crossings, are further
+                apart than a fifth.
         """
-        f = self.frequencies
+        order = np.argsort(self.frequencies, kind="stable")
+        f = self.frequencies[order]
         at = f[0] if reference is None else reference
-        rows = np.flatnonzero(f >= at)
-        if not len(rows) or f[rows[0]] != at:
+        if not np.any(f == at):
             raise SysidError(
                 f"reference: expected one of the {len(f)} frequencies, {f[0]:g} to {f[-1]:g} Hz, got {at:g}"
             )
+        rows = order[np.searchsorted(f, at) :]
+        f = self.frequencies[rows]
         low, high = (end[rows] for end in self.interval)
         gain = self.gain[rows]
         hz, first, last = np.full((3, *gain.shape[1:]), np.nan)
         for i, j in np.ndindex(hz.shape):
             path = slice(None), i, j
-            hz[i, j] = _crossing(f[rows], gain[path], gain[0, i, j])
-            first[i, j] = _crossing(f[rows], low[path], high[0, i, j])
-            last[i, j] = _crossing(f[rows], high[path], low[0, i, j])
+            hz[i, j] = _crossing(f, gain[path], gain[0, i, j])
+            first[i, j] = _crossing(f, low[path], high[0, i, j])
+            last[i, j] = _crossing(f, high[path], low[0, i, j])
+        _check_steps(f, np.stack((hz, last)))
         return Bandwidth(hz, (first, last))
 
     def _reason(self, output: int) -> str:
         name, p_value = self.output_names[output], self.p_values[output]
-        if not np.isfinite(p_value) or (p_value < LEVEL and np.isnan(self.interval[0][:, output]).all()):
-            return f"{name}: the input has too few lines to tell noise, distortion and too low an order from each other"
-        if p_value >= LEVEL:
-            return f"{name}: noise explains the errors of the simulation (p = {p_value:.2g})"
         repeated = self.repeated[output]
+        if not np.isfinite(p_value) or (p_value < LEVEL and np.isnan(self.interval[0][:, output]).all()):
+            lines, needed = self.line_counts[output]
+            more = "a longer record" if repeated is None else "a sequence with a longer period, or several sequences"
+            return (
+                f"{name}: noise, distortion and too low an order cannot be told from each other: the input has {lines} "
+                f"lines for it, {needed} are needed; {more} would have them"
+            )
+        if p_value >= LEVEL:
+            return f"{name}: noise alone may make the errors of the simulation (p = {p_value:.2g})"
         if repeated is None:
             return (
                 f"{name}: noise does not explain the errors of the simulation (p = {p_value:.2g}): the order is too "
@@ -121,8 +139,16 @@ class ModelError(Locked):
         periods = sum(group.count for group in repeated.groups)
         text = (
             f"{name}: {100.0 * repeated.share:.0f} % of the simulation errors' power is the same in all {periods} "
-            f"periods{of_all}: nonlinear distortion, or too low an order"
+            f"periods{of_all}, so it is no noise: "
         )
+        p_distortion = self.p_distortion[output]
+        if p_distortion < LEVEL:
+            return f"{text}the order is too low, as the errors are alike in all sequences (p = {p_distortion:.2g})"
+        if np.isfinite(p_distortion):
+            return (
+                f"{text}nonlinear distortion, as the errors differ from sequence to sequence (p = {p_distortion:.2g})"
+            )
+        text += "nonlinear distortion, or too low an order"
         if len(repeated.groups) == 1:
             text += "; a second sequence, best a random-phase multisine of the same band and strength, tells them apart"
         return text
@@ -163,17 +189,20 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         f_hz: Frequencies, Hz (nf,).
 
     Returns:
-        Gains and both intervals, and why they differ.
+        Gains and both intervals (nf, ny, nu), in units of output over input, and why they differ. Without a covariance
+        of the parameters (`n4sid`) `noise_alone` is NaN, and `interval` is known only where noise does not explain the
+        errors.
 
     Raises:
-        SysidError: A model that is not stable, channels that do not fit it, a frequency above Nyquist.
+        SysidError: A model that is not stable, channels that do not fit it, frequencies that are none, not finite,
+            below 0 Hz or above Nyquist.
     """
     estimate = as_estimate(estimate)
     f = frequency_list(f_hz)
     nyquist = 0.5 / estimate.model.dt
-    if not len(f) or f.max() > nyquist:
-        got = f"up to {f.max():g}" if len(f) else "none"
-        raise SysidError(f"frequencies: expected some in Hz, up to Nyquist, {nyquist:g}, got {got}")
+    if not len(f) or f.min() < 0.0 or f.max() > nyquist:
+        got = f"{f.min():g} to {f.max():g}" if len(f) else "none"
+        raise SysidError(f"frequencies: expected some of 0 Hz to Nyquist, {nyquist:g}, got {got}")
     experiments = as_experiments(data, missing=True)
     if not estimate.model.is_stable():
         raise SysidError("model_error simulates the model: expected a stable one")
@@ -183,11 +212,16 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     gain = np.abs(estimate.realise(estimate.parameters).frequency_response(f))
     noise_alone = _interval_of_parameters(as_if_errors_were_independent(estimate), f)
     low, high = _interval_of_parameters(estimate, f)
-    p_values, repeated = np.full(ny, np.nan), []
+    p_values = np.full(ny, np.nan)
+    repeated: list[RepeatedErrors | None] = []
+    line_counts: list[tuple[int, int]] = []
+    p_distortion: list[float] = []
     for i in range(ny):
         of_output = [error[:, i] for error in errors]
         found = repeated_errors(scored, [error[:, None] for error in of_output])
         repeated.append(found)
+        groups = () if found is None else found.groups
+        p_distortion.append(p_value_of_common_part(scored, of_output, groups))
         if found is None:
             lines = lines_of_bands(scored, of_output, estimate, i)
             p_values[i] = _p_value_of_bands(lines)
@@ -195,6 +229,10 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
             spectra = lines_of_mean_periods(scored, of_output, found.groups)
             lines = relative_lines(spectra, estimate, i)
             p_values[i] = found.p_value
+        line_counts.append((len(lines), lines_needed(lines)))
+        if np.isnan(p_values[i]):
+            # nothing is said in place of the intervals of the parameters, which noise alone would make
+            low[:, i] = high[:, i] = np.nan
         if not p_values[i] < LEVEL:
             continue
         with_error = _log_intervals(lines, estimate, i, f)
@@ -211,7 +249,9 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         noise_alone=noise_alone,
         interval=(low, high),
         p_values=p_values,
+        line_counts=tuple(line_counts),
         repeated=tuple(repeated),
+        p_distortion=tuple(p_distortion),
         strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
@@ -311,6 +351,25 @@ def _anchors(f: FloatArray, of_lines: FloatArray) -> FloatArray:
     if len(asked) <= ANCHORS:
         return asked
     return np.geomspace(asked[0], asked[-1], ANCHORS)
+
+
+def _check_steps(f: FloatArray, crossings: FloatArray) -> None:
+    """Check that rising frequencies are close enough for gains between them, up to the last crossing.
+
+    Raises:
+        SysidError: They are not.
+    """
+    known = crossings[np.isfinite(crossings)]
+    needed = f[f > 0.0]
+    if len(known) == crossings.size:
+        needed = needed[: np.searchsorted(needed, known.max()) + 1]
+    steps = needed[1:] / needed[:-1]
+    if len(steps) and steps.max() > LARGEST_STEP:
+        k = int(np.argmax(steps))
+        raise SysidError(
+            f"bandwidth: expected frequencies in steps of a fifth or less, as numpy.geomspace(0.5, 10.0, 60) gives "
+            f"them, got {needed[k]:g} and {needed[k + 1]:g} Hz beside each other"
+        )
 
 
 def _crossing(f: FloatArray, gain: FloatArray, reference: float) -> float:

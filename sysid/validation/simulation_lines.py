@@ -18,6 +18,7 @@ NEAR = 1.5  # ratio of frequencies within which lines are neighbours
 AUDIBLE = 1e-3  # power of a line, relative to the strongest of all, likewise
 BAND = 2.0 ** (1 / 6)  # ratio of the ends of a band over which a response hardly changes
 POOLED = 3  # bands on either side over which the variance of the noise is averaged
+FEWEST_COMMON = 10  # lines of all sequences that tell what they have in common
 SPARE = 7  # lines of a band beyond those that its response takes: they show the noise
 
 
@@ -56,6 +57,40 @@ def lines_of_mean_periods(
         np.concatenate([part.inputs for part in parts]),
         np.concatenate([part.errors for part in parts]),
     )
+
+
+def p_value_of_common_part(
+    experiments: Sequence[IOData], errors: Sequence[FloatArray], groups: Sequence[Repetition]
+) -> float:
+    """p-value of "errors differ from sequence to sequence", as distortion does; too low an order makes them alike.
+
+    Of every line the share of the errors' power is taken that one response from the input explains in all sequences.
+    If they have nothing in common it has a beta distribution of one and one less than the sequences, whatever the power
+    of the line; the mean of many is about normal.
+
+    Args:
+        experiments: The records, with one input.
+        errors: Errors of an output of each (N_i,).
+        groups: The sequences.
+
+    Returns:
+        The p-value; NaN of a single sequence, several inputs, sequences with different periods or few common lines.
+    """
+    if len(groups) < 2 or len({group.period for group in groups}) > 1 or experiments[0].nu > 1:
+        return float("nan")
+    parts = [lines_of_mean_periods(experiments, errors, [group]) for group in groups]
+    together = set(parts[0].frequencies).intersection(*(set(part.frequencies) for part in parts[1:]))
+    rows = [np.isin(part.frequencies, sorted(together)) for part in parts]
+    u = np.array([part.inputs[row, 0] for part, row in zip(parts, rows, strict=True)])
+    e = np.array([part.errors[row] for part, row in zip(parts, rows, strict=True)])
+    common = np.abs(np.sum(e * u.conj(), axis=0)) ** 2 / np.sum(np.abs(u) ** 2, axis=0)
+    power = np.sum(np.abs(e) ** 2, axis=0)
+    shares = common[power > 0.0] / power[power > 0.0]
+    if len(shares) < FEWEST_COMMON:
+        return float("nan")
+    g = len(groups)
+    deviation = np.sqrt((g - 1) / (g**2 * (g + 1)) / len(shares))
+    return float(scipy.stats.norm.sf((shares.mean() - 1.0 / g) / deviation))
 
 
 def _strong_lines(f: FloatArray, power: FloatArray) -> np.ndarray:

@@ -91,6 +91,46 @@ def test_of_two_sequences_no_second_one_is_asked_for():
     assert "a second sequence" not in error.reasons[0]
 
 
+def test_two_sequences_tell_distortion_from_too_low_an_order():
+    distorted, too_low = [], []
+    for seed in range(20):
+        data = [record(2 * seed), record(2 * seed + 1)]
+        distorted.append(model_error(sysid.oe(data, 2, 2, 1), data, F))
+        too_low.append(model_error(sysid.oe(data, 1, 1, 1), data, F))
+    assert sum("nonlinear distortion, as" in error.reasons[0] for error in distorted) >= 18
+    assert sum("the order is too low, as" in error.reasons[0] for error in too_low) >= 18
+    (single,) = model_error(sysid.oe(record(0), 2, 2, 1), record(0), F).p_distortion
+    assert np.isnan(single)
+
+
+def test_an_input_with_few_lines_or_one_period_says_that_it_cannot_tell():
+    data = linear_record(0, 90)
+    error = model_error(sysid.arx(data, 1, 1, 1), data, HZ)
+    assert np.isnan(error.p_values[0])
+    assert np.isnan(error.interval).all()
+    assert np.isfinite(error.noise_alone).all()
+    assert "a longer record would have them" in error.reasons[0]
+    lines, needed = error.line_counts[0]
+    assert lines < needed
+
+
+def test_the_bandwidth_does_not_depend_on_the_list_of_frequencies():
+    data = linear_record(0)
+    estimate = sysid.oe(data, 2, 2, 1)
+    grid = np.concatenate(([0.0, 0.5], np.geomspace(0.51, 20.0, 80)))
+    fine = model_error(estimate, data, grid)
+    from_line = fine.bandwidth(0.5)
+    shuffled = model_error(estimate, data, np.random.default_rng(0).permutation(grid))
+    np.testing.assert_allclose(shuffled.bandwidth(0.5).hz, from_line.hz, rtol=1e-9)
+    np.testing.assert_allclose(shuffled.bandwidth().hz, fine.bandwidth().hz, rtol=1e-9)
+    # steps above the crossings do not matter
+    wide = model_error(estimate, data, [*grid[grid < 2.0 * from_line.ci95[1].item()], 24.0])
+    np.testing.assert_allclose(wide.bandwidth(0.5).hz, from_line.hz, rtol=1e-9)
+    coarse = model_error(estimate, data, [0.5, 1.0, 2.0, 4.0])
+    refused("steps of a fifth or less", coarse.bandwidth)
+    refused("one of the 4 frequencies", coarse.bandwidth, 0.7)
+
+
 def test_two_inputs_and_two_outputs():
     rng = np.random.default_rng(0)
     u = rng.standard_normal((4000, 2))
@@ -129,7 +169,7 @@ def test_sines_tell_no_distortion_from_order():
     error = model_error(sysid.oe(data, 2, 2, 1), data, [1.0, 2.0])
     assert error.is_wider[0]
     assert np.isnan(error.interval[0]).all()
-    assert "too few lines to tell" in error.reasons[0]
+    assert "cannot be told from each other" in error.reasons[0]
 
 
 def test_refusals():
@@ -138,6 +178,7 @@ def test_refusals():
     refused("expected an Estimate", model_error, estimate.model, data, [1.0])
     refused("Nyquist", model_error, estimate, data, [30.0])
     refused("frequencies", model_error, estimate, data, [])
+    refused("0 Hz to Nyquist", model_error, estimate, data, [-1.0])
     unstable = sysid.arx(IOData(data.u, np.cumsum(np.cumsum(data.y)) * np.geomspace(1, 1e3, 3000), DT), 2, 1, 1)
     if not unstable.model.is_stable():
         refused("stable", model_error, unstable, data, [1.0])
