@@ -135,7 +135,8 @@ def track(
     say_each("warning: ", remarks)
     say_each("written: ", files)
     if files and is_record:
-        columns = {"input": (input,), "output": (output,), "joint": joint, "dt": dt, "time": time, "test": test}
+        joints = () if joint is None else (joint,)
+        columns = {"input": (input,), "output": (output,), "joint": joints, "dt": dt, "time": time, "test": test}
         say(f"next: {command_line('hmtb identify', identify, {'data': (path,), **columns})}")
     elif files:
         say_next("simulate", data)

@@ -64,6 +64,9 @@ SURELY = 1e-3
 GRID = 60
 """Frequencies at which intervals with distortion and order are computed."""
 
+WIDEST_STEP = 1.1
+"""Ratio of neighbouring ones of them, at most."""
+
 BELOW = 0.2
 """Lowest of them but 0 Hz, relative to the lowest strong line of the input."""
 
@@ -163,6 +166,7 @@ class Identification:
         slow: What the simulation errors tell of slow parts of the response, path by path, on the records of the fit.
         error: Gains with intervals for the best linear system at 0 Hz and over the band of the input, on the records of
             the fit; None of models without a gain that could be compared.
+        on_own_records: Whether `checked` are the records that the model is estimated from.
     """
 
     fitted: FittedModel
@@ -183,6 +187,7 @@ class Identification:
     slow: tuple[SlowResponse, ...] = ()
     test_of_all: ResidualTest | None = None
     error: ModelError | None = None
+    on_own_records: bool = True
 
     @property
     def is_estimated_again(self) -> bool:
@@ -561,6 +566,7 @@ def identify(
         slow=slow_response(fitted.estimate, fitted.parts),
         test_of_all=test_of_all,
         error=_gains_with_error(fitted),
+        on_own_records=check is None,
     )
 
 
@@ -581,7 +587,9 @@ def _gains_with_error(fitted: FittedModel) -> ModelError | None:
     highest = max(excited_band(part, input=j)[1] for part in parts for j in range(part.nu))
     nyquist = 0.5 / parts[0].dt
     # Below the line, a bandwidth relative to 0 Hz may lie; from it on, one relative to the gain there.
-    over_band = np.geomspace(BELOW * line, max(highest, 2.0 * line), GRID)
+    lowest, highest = BELOW * line, max(highest, 2.0 * line)
+    # A wide band needs more, so that none of them is too far from the next for a bandwidth between them.
+    over_band = np.geomspace(lowest, highest, max(GRID, round(np.log(highest / lowest) / np.log(WIDEST_STEP))))
     of_claims = [claim.hz for claims in fitted.claims for claim in claims if np.isfinite(claim.hz)]
     frequencies = np.unique(np.minimum([0.0, line, *over_band, *of_claims], nyquist))
     with suppress(SysidError), warnings.catch_warnings():

@@ -1,7 +1,7 @@
 """Tables of an identified model, as `hmtb identify` and the station's page show them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import isfinite
+from math import isfinite, isnan
 from typing import Any
 
 import numpy as np
@@ -586,9 +586,11 @@ def _rows_of_path(
     words, from_line = _bandwidth_in_words(claim), []
     if error is not None and error.is_wider[output]:
         if isfinite(claim.hz):
-            with_error = _ends_in_words(error.bandwidth(), output, input)
+            with_error = ends_in_words(error.bandwidth(), output, input)
             words += f" from the parameters, {with_error} with distortion and order"
         from_line = _bandwidth_from_line(error, output, input, path)
+    elif error is not None and isnan(error.p_values[output]) and isfinite(claim.low):
+        words += " from noise alone"
     gain = _gain_in_words(fitted.gain[output, input])
     return [(f"bandwidth (-3 dB){path}", words), *from_line, (f"gain at 0 Hz{path}", gain)]
 
@@ -600,21 +602,21 @@ def _bandwidth_from_line(error: ModelError, output: int, input: int, path: str) 
     hz = float(band.hz[output, input])
     if not isfinite(hz):
         return []
-    ends = _ends_in_words(band, output, input)
+    ends = ends_in_words(band, output, input)
     name = f"-3 dB from the gain at {line:.3g} Hz{path}"
     return [
         (name, f"{hz:.4g} Hz, 95 % interval {ends} with distortion and order; the input is weak below {line:.3g} Hz")
     ]
 
 
-def _ends_in_words(band: Bandwidth, output: int, input: int) -> str:
+def ends_in_words(band: Bandwidth, output: int, input: int) -> str:
     """Ends of the interval of a bandwidth with unit; where the record does not tell an end, the other one."""
     low, high = (float(end[output, input]) for end in band.ci95)
     if not isfinite(low):
         return "unknown"
     if not isfinite(high):
         return f"{low:.3g} Hz or more" if low > 0.0 else "unknown"
-    return f"{low:.3g} to {high:.3g} Hz" if low > 0.0 else f"at most {high:.3g} Hz"
+    return f"{low:.3g} to {high:.3g} Hz" if low > 0.0 else f"0 to {high:.3g} Hz"
 
 
 def _error_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str, str]]:
@@ -623,6 +625,8 @@ def _error_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str
         return []
     rows = []
     for i, output in enumerate(error.output_names):
+        if isnan(error.p_values[i]):
+            rows.append(("errors of the simulation", error.reasons[i]))
         if not error.is_wider[i]:
             continue
         for j, k in _gains_with_errors(error, fitted, i):

@@ -15,7 +15,7 @@ from scenarios.files.errors import ScenarioError
 from scenarios.files.result_table import ResultTable
 from scenarios.truth.bla_of_test import best_linear_of_test
 from sysid import FrequencyResponse
-from sysid.models.bandwidth import HALF_POWER
+from sysid.models.bandwidth import HALF_POWER, WIDEST
 from sysid.recursive import Change, Track
 
 
@@ -138,7 +138,7 @@ class Tracking:
         return ResultTable(f"{self.name}: the last estimate of each part", tuple(columns), tuple(rows))
 
     def alarms_in_words(self) -> tuple[str, ...]:
-        """Say of each true change when its alarm came, and of each other alarm when it was."""
+        """Say of each true change when its alarm came, of each other alarm when it was, and what stays unknown."""
         lines = []
         for stretch in self.truth[1:]:
             alarm = self.alarm(stretch)
@@ -150,6 +150,14 @@ class Tracking:
             lines += [f"alarm at {change.detected:.1f} s" for change in self.track.changes]
         if not self.track.changes:
             lines.append("no change detected")
+        for stretch, last in self.rows():
+            low, high = last["bandwidth_ci95"]
+            if high > WIDEST * low:
+                lines.append(
+                    f"from {stretch.begin:g} s on the record tells no bandwidth, and hardly a change: the interval "
+                    f"is {low:.3g} to {high:.3g} Hz; --gain where the gain at 0 Hz is known, a stronger command or "
+                    "a longer --calibration would narrow it"
+                )
         return tuple(lines)
 
 

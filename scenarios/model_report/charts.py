@@ -59,14 +59,16 @@ def model_charts(result: Identification) -> dict[str, LabelledChart]:
     style = replace(PALETTE.get(estimate.method, PALETTE["oe"]), line="-")
     charts = {"outputs": _outputs(result, style)}
     step = Chart(_by_path(estimate, lambda i, j: (_step_panel(result, style, i, j),)), ("Path",))
-    caption = "Response of the output to a step of one unit of the input, with its 95 % interval."
+    caption = "Response of the output to a step of one unit of the input, with the 95 % interval of the parameters."
     charts["step"] = LabelledChart("Step response", caption, step)
     nonparametric = _nonparametric(result)
     bode = _by_path(estimate, lambda i, j: _bode_panels(result, style, nonparametric, i, j))
     caption = (
-        "Gain and phase with their 95 % intervals, beside spectral analysis where a single input has power. "
-        "Dotted: the bandwidth."
+        "Gain and phase with the 95 % intervals of the parameters, beside spectral analysis where a single input has "
+        "power. Dotted: the bandwidth."
     )
+    if result.error is not None and result.error.is_wider.any():
+        caption += " Dashed: 95 % interval of the gain with nonlinear distortion and too low an order."
     charts["bode"] = LabelledChart("Frequency response", caption, Chart(bode, ("Path",), columns=2))
     if result.test is not None:
         where, model = _judged_in_words(result)
@@ -85,7 +87,7 @@ def _judged_in_words(result: Identification) -> tuple[str, str]:
     """Which record judged which model, in words."""
     if result.is_estimated_again:
         return "held out", "a model of the chosen orders, estimated without it,"
-    if result.checked[0] is not result.judged.parts[0]:
+    if not result.on_own_records:
         return "that it was not estimated from", "the model"
     return "that it was estimated from", "the model"
 
@@ -212,6 +214,7 @@ def _bode_panels(
         gains.append(_gain_series("spectral analysis", nonparametric, PALETTE["spa"], i, j, with_interval=False))
         phases.append(_phase_series("spectral analysis", nonparametric, PALETTE["spa"], i, j, with_interval=False))
     gains.append(_gain_series("model", response, style, i, j))
+    gains += _error_series(result, i, j)
     phases.append(_phase_series("model", response, style, i, j))
     hz = fitted.claims[i][j].hz
     marks = (("x", hz, f"{hz:.3g} Hz"),) if np.isfinite(hz) else ()
@@ -234,6 +237,20 @@ def _gain_series(
             low = np.maximum(low, floor)
         gain = 20.0 * np.log10(response.magnitude[:, i, j])
     return Series(label, response.frequencies, gain, style, low, high)
+
+
+def _error_series(result: Identification, i: int, j: int) -> list[Series]:
+    """Ends of the interval with distortion and too low an order, from the lowest strong line on; none if no wider."""
+    error = result.error
+    if error is None or not error.is_wider[i]:
+        return []
+    rows = (error.frequencies > 0.0) & (error.frequencies >= error.strong_line)
+    series = []
+    for end in error.interval:
+        with np.errstate(divide="ignore"):
+            gain = 20.0 * np.log10(end[rows, i, j])
+        series.append(Series("95 % with distortion and order", error.frequencies[rows], gain, BOUND))
+    return series
 
 
 def _phase_series(

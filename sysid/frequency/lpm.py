@@ -15,6 +15,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.repetition import repetitions
 
 LARGEST_GRID = 400  # frequencies estimated at if none are given, at most
 SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
@@ -54,7 +55,8 @@ def lpm(
             reaches past an end of the spectrum, lines on the other side take the place.
         period: Samples after which the input repeats: the lines are then those of the mean over its whole periods, the
             last ones of a record. Nonlinear distortion, which repeats with the input, scatters from line to line and
-            counts as noise.
+            counts as noise. By default the period is found from the inputs, where all experiments have the same and it
+            has lines enough; 0 takes the records as a whole.
 
     Returns:
         Response with covariance and noise spectrum (two-sided, unit^2/Hz); NaN where the input does not determine it.
@@ -63,17 +65,25 @@ def lpm(
         SysidError: Constant input, missing outputs, too few lines for the unknowns, a period that does not fit in.
 
     Warns:
-        SysidWarning: No frequency at which the inputs determine the response.
+        SysidWarning: No frequency at which the inputs determine the response; a given period with which the inputs do
+            not repeat.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
-    degree, denominator = whole_number("degree", degree, 0, 10), whole_number("denominator", denominator, 0, 10)
+    degree = int(whole_number("degree", degree, 0, 10))
+    denominator = int(whole_number("denominator", denominator, 0, 10))
+    if half_width is not None:
+        half_width = int(whole_number("half_width", half_width, 1))
     warn_each(check_excitation(experiments, [0] * first.nu))
-    if period is not None:
-        period = whole_number("period", period, 4)
-        experiments = tuple(_mean_period(e, int(period), k) for k, e in enumerate(experiments))
-    local = _LocalFit(tuple(_Lines.of(e) for e in experiments), int(degree), int(denominator))
-    width = local.default_half_width() if half_width is None else int(whole_number("half_width", half_width, 1))
+    if period is None:
+        period = _found_period(experiments, degree, denominator, half_width)
+    elif period != 0:
+        period = int(whole_number("period", period, 4))
+        warn_each(_unlike_periods(experiments, period))
+    if period:
+        experiments = tuple(_mean_period(e, period, k) for k, e in enumerate(experiments))
+    local = _LocalFit(tuple(_Lines.of(e) for e in experiments), degree, denominator)
+    width = local.default_half_width() if half_width is None else half_width
     local.check(width)
     shortest = min(map(len, experiments))
     if frequencies is None:
@@ -98,7 +108,7 @@ def lpm(
     covariance = complex_covariance(variance, f, first.dt)
     covariance[~np.isfinite(variance)] = np.nan
     periods = 1.0
-    if period is not None:
+    if period:
         # the mean over periods has the noise of one, divided by their number
         periods = float(np.mean([len(e.scored) // period for e in as_experiments(data)]))
     return FrequencyResponse(
@@ -113,6 +123,43 @@ def lpm(
         input_names=first.input_names or (),
         output_names=first.output_names or (),
     )
+
+
+def _found_period(experiments: Sequence[IOData], degree: int, denominator: int, half_width: int | None) -> int:
+    """Period that all experiments share, if its lines suffice; 0 without one."""
+    groups = repetitions(experiments)
+    repeating = {k for group in groups for k, _ in group.starts}
+    if len({group.period for group in groups}) != 1 or len(repeating) < len(experiments):
+        return 0
+    period = groups[0].period
+    # runs of one waveform, each played once, are no periods of a record
+    if any(len(experiment) < 2 * period for experiment in experiments):
+        return 0
+    means = tuple(_Lines.of(_mean_period(e, period, k)) for k, e in enumerate(experiments))
+    local = _LocalFit(means, degree, denominator)
+    try:
+        local.check(local.default_half_width() if half_width is None else half_width)
+    except SysidError:
+        return 0
+    return period
+
+
+def _unlike_periods(experiments: Sequence[IOData], period: int) -> list[str]:
+    """Warn of experiments whose inputs differ from one period to the next by most of their power."""
+    texts = []
+    for k, experiment in enumerate(experiments):
+        count = len(experiment) // period
+        if count < 2:
+            continue
+        u = experiment.u[len(experiment) - count * period :].reshape(count, period, -1)
+        u = u - u.mean(axis=(0, 1))
+        differing = float(np.sum((u - u.mean(axis=0)) ** 2) / max(np.sum(u**2), np.finfo(float).tiny))
+        if differing > 0.5 * (count - 1) / count:
+            texts.append(
+                f"the inputs of experiment {k} do not repeat after {period} samples: {100.0 * differing:.0f} % of "
+                "their power differs between the periods, and the mean over them is no response"
+            )
+    return texts
 
 
 def _mean_period(experiment: IOData, period: int, k: int) -> IOData:

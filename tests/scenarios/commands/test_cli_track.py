@@ -28,10 +28,13 @@ def test_a_log_stands_beside_its_truth_and_a_table_gives_the_same_estimates(run,
     kept = read_netcdf(tmp_path / "track.nc").variables
     np.testing.assert_array_equal(kept["bandwidth_hz"].values, estimates["bandwidth_hz"])
     words = ("--input", "command", "--output", "angle", "--time", "t", "--calibration", 15)
-    code, out, _ = run("track", arm, *words)
+    code, out, _ = run("track", arm, *words, "--out", tmp_path / "table")
     assert code == 0
     assert "alarm at 20" in out
     assert "truth" not in out
+    # a table has no joints
+    assert "next: hmtb identify" in out
+    assert "--joint" not in out
 
 
 @pytest.mark.slow

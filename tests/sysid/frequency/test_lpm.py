@@ -106,6 +106,12 @@ def test_period_averages_and_counts_distortion_as_noise():
     assert ((low <= truth) & (truth <= high)).all()
     # far more than the noise of eight periods makes
     assert (estimate.magnitude_deviation()[:, 0, 0] / truth > 0.02).all()
+    # the period is found from the input
+    np.testing.assert_array_equal(lpm(data, HZ).response, estimate.response)
+    np.testing.assert_array_equal(lpm(data, HZ).covariance, estimate.covariance)
+    with pytest.warns(sysid.SysidWarning, match="do not repeat after 300 samples"):
+        lpm(data, HZ, period=300)
+    assert not np.array_equal(lpm(data, HZ, period=0).response, estimate.response, equal_nan=True)
 
 
 def test_frequencies_of_long_and_short_records():
