@@ -181,7 +181,7 @@ def _write(study: "BandwidthStudy", folder: Path) -> list[Path]:
         record: dict[str, Any] = {key: plain(value) for key, value in row.record().items()}
         record["orders"] = " ".join(f"{name}={value}" for name, value in row.orders.items())
         # A cell holds one number.
-        for key in ("ci95", "bla_ci95", "model_ci95"):
+        for key in ("ci95", "ci95_with_distortion_and_order", "bla_ci95", "model_ci95"):
             record[f"{key}_low"], record[f"{key}_high"] = record.pop(key)
         records.append(record)
     write_whole(table, table_text(records[0], records))

@@ -15,7 +15,14 @@ from sysid.models.bandwidth import half_power_hz
 def bandwidth_table(study: BandwidthStudy, joint: str) -> ResultTable:
     """Table of a joint: what was recovered, then both truths, then what the thesis prints."""
     with_best_linear = bool(study.best_linear)
-    columns = ["method", "test", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "near\n1 Hz", "holds small-\nsignal truth"]
+    columns = [
+        "method",
+        "test",
+        "bandwidth\n/ Hz",
+        "95 % interval of\nparameters / Hz",
+        "with distortion\nand order / Hz",
+    ]
+    columns += ["near\n1 Hz", "holds small-\nsignal truth"]
     if with_best_linear:
         columns.append("agrees with\nbest linear")
     columns += ["gain 0.707\nat / Hz", "gain\nat 0 Hz"]
@@ -26,16 +33,16 @@ def bandwidth_table(study: BandwidthStudy, joint: str) -> ResultTable:
     unjudged = ["", "", ""] if with_best_linear else ["", ""]
     truth = study.truth.joint(joint)
     levels = [f"{half_power_hz(truth.model):.3f}", f"{truth.dc_gain:.3f}"]
-    rows.append(["small-signal truth", "", f"{truth.bandwidth_hz:.3f}", "", *unjudged, *levels])
+    rows.append(["small-signal truth", "", f"{truth.bandwidth_hz:.3f}", "", "", *unjudged, *levels])
     for approximation in study.best_linear.values():
         if approximation.joint != joint:
             continue
         hz = f"{approximation.hz:.3f}" if np.isfinite(approximation.hz) else "none shows"
         interval = f"{approximation.ci95[0]:.3f} to {approximation.ci95[1]:.3f}"
         level = f"{approximation.half_power_hz:.3f}"
-        rows.append(["best linear truth", approximation.test, hz, interval, *unjudged, level, ""])
+        rows.append(["best linear truth", approximation.test, hz, interval, "", *unjudged, level, ""])
     for printed in published(joint):
-        rows.append([f"published {printed.label}", "", f"{printed.bandwidth_hz:.3f}", "", *unjudged, "", ""])
+        rows.append([f"published {printed.label}", "", f"{printed.bandwidth_hz:.3f}", "", "", *unjudged, "", ""])
     return ResultTable(f"{joint}, {study.condition}", tuple(columns), tuple(map(tuple, rows)))
 
 
@@ -51,17 +58,25 @@ def _recovered_row(group: Sequence[RecoveredBandwidth], *, with_best_linear: boo
     return row
 
 
-def _bandwidth_cells(group: Sequence[RecoveredBandwidth]) -> tuple[str, str]:
-    """Middle bandwidth with the range over seeds, and its interval; what the models say where none is claimed."""
+def _bandwidth_cells(group: Sequence[RecoveredBandwidth]) -> tuple[str, str, str]:
+    """Middle bandwidth with the range over seeds, and its intervals; what the models say where none is claimed."""
     claimed = sorted((recovered for recovered in group if np.isfinite(recovered.hz)), key=lambda claim: claim.hz)
     if claimed:
         # One of the claims, so that the interval beside it is its own.
         middle = claimed[(len(claimed) - 1) // 2]
         seeds = f" ({claimed[0].hz:.3f}..{claimed[-1].hz:.3f})" if len(group) > 1 else ""
-        return f"{middle.hz:.3f}{seeds}", f"{middle.ci95[0]:.3f} to {middle.ci95[1]:.3f}"
+        return f"{middle.hz:.3f}{seeds}", _interval(middle.ci95), _interval(middle.distorted_ci95)
     models = [recovered.model_hz for recovered in group if recovered.refused and np.isfinite(recovered.model_hz)]
     remark = f" (model: {between(models)})" if models else ""
-    return f"not claimed{remark}", "—"
+    return f"not claimed{remark}", "—", "—"
+
+
+def _interval(ends: tuple[float, float]) -> str:
+    """Ends of an interval; of one that is open upwards the lower one."""
+    low, high = ends
+    if not np.isfinite(low):
+        return "—"
+    return f"{low:.3f} to {high:.3f}" if np.isfinite(high) else f"{low:.3f} or more"
 
 
 def _counted(judgements: Iterable[bool | None]) -> str:

@@ -565,7 +565,7 @@ def identify(
         agreement=agreement,
         slow=slow_response(fitted.estimate, fitted.parts),
         test_of_all=test_of_all,
-        error=_gains_with_error(fitted),
+        error=gains_with_error(fitted),
         on_own_records=check is None,
     )
 
@@ -575,7 +575,7 @@ def _bandwidth_record(band: Bandwidth) -> dict[str, object]:
     return {"hz": band.hz, "ci95": list(band.ci95)}
 
 
-def _gains_with_error(fitted: FittedModel) -> ModelError | None:
+def gains_with_error(fitted: FittedModel) -> ModelError | None:
     """Gains with intervals for the best linear system: at 0 Hz, over the band of the input, and at bandwidths.
 
     None of unstable models and integrators, and of impulse responses, whose coefficients are as free as any error.

@@ -295,7 +295,7 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
         columns.insert(1, "output")
     if steps > 1:
         columns.append(f"{steps} steps %")
-    columns += ["bandwidth Hz", "95 % interval", "gain at 0 Hz", "stable"]
+    columns += ["bandwidth Hz", "95 % of parameters", "gain at 0 Hz", "stable"]
     rows = []
     for judged in models:
         gain, fit = judged.gain, judged.fit

@@ -12,7 +12,7 @@ from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.model_structures import STRUCTURES, Structure, every_structure
 from scenarios.experiments.scenario import Scenario
 from scenarios.files.errors import ScenarioError, unknown
-from scenarios.identification.identification import FittedModel, fit_model, long_lag
+from scenarios.identification.identification import FittedModel, fit_model, gains_with_error, long_lag
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.truth.published import published
 from sysid import FrequencyResponse, IOData, SysidError, SysidWarning
@@ -112,7 +112,9 @@ class RecoveredBandwidth:
         label: Method and orders in words.
         orders: Orders by name; none without a model.
         hz: Bandwidth, Hz; NaN where the record cannot support one; the row counts all the same.
-        ci95: Its 95 % interval, Hz.
+        ci95: Its 95 % interval from the parameters, Hz.
+        distorted_ci95: The interval with nonlinear distortion and too low an order, Hz; NaN where the record cannot
+            tell, or without a model.
         true_hz: Small-signal truth, Hz.
         best_linear: Best linear approximation under a command as strong as the test's; None where it was not measured.
         model_hz: Bandwidth of the model, whether it can be claimed or not, Hz.
@@ -132,6 +134,7 @@ class RecoveredBandwidth:
     orders: Mapping[str, int] = field(default_factory=dict)
     hz: float = NAN
     ci95: tuple[float, float] = (NAN, NAN)
+    distorted_ci95: tuple[float, float] = (NAN, NAN)
     true_hz: float
     best_linear: Interval | None = None
     model_hz: float = NAN
@@ -179,6 +182,7 @@ class RecoveredBandwidth:
         for name in ("joint", "method", "orders", "scenario", "test", "seed", "hz", "ci95", "true_hz"):
             record[name] = getattr(self, name)
         record |= {
+            "ci95_with_distortion_and_order": self.distorted_ci95,
             "bla_hz": best_linear_hz,
             "bla_ci95": best_linear_ci95,
             "published_hz": self.published_hz,
@@ -263,12 +267,24 @@ def _of_model(fitted: FittedModel) -> dict[str, Any]:
     return {
         "hz": claim.hz,
         "ci95": (claim.low, claim.high),
+        "distorted_ci95": _with_distortion(fitted),
         "model_hz": hz,
         "model_ci95": tuple(ci95),
         "dc_gain": float(model.dc_gain()[0, 0]),
         "half_power_hz": half_power_hz(model),
         "reasons": reasons,
     }
+
+
+def _with_distortion(fitted: FittedModel) -> tuple[float, float]:
+    """Interval of a claimed bandwidth with distortion and order; the claim's own where noise explains all."""
+    claim, error = fitted.claims[0][0], gains_with_error(fitted)
+    if error is None or not np.isfinite(claim.hz) or np.isnan(error.p_values[0]):
+        return NAN, NAN
+    if not error.is_wider[0]:
+        return claim.low, claim.high
+    low, high = (float(end[0, 0]) for end in error.bandwidth().ci95)
+    return low, high
 
 
 def _of_response(response: FrequencyResponse, recording: Recording) -> dict[str, Any]:
