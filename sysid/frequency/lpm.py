@@ -80,6 +80,8 @@ def lpm(
     elif period != 0:
         period = int(whole_number("period", period, 4))
         warn_each(_unlike_periods(experiments, period))
+    # the mean over periods has the noise of one, divided by their number
+    periods = float(np.mean([len(e) // period for e in experiments])) if period else 1.0
     if period:
         experiments = tuple(_mean_period(e, period, k) for k, e in enumerate(experiments))
     local = _LocalFit(tuple(_Lines.of(e) for e in experiments), degree, denominator)
@@ -90,14 +92,7 @@ def lpm(
         f = _default_frequencies(shortest, first.dt)
     else:
         f = checked_frequencies(frequencies, first.dt, zero=False)
-    ny, nu = first.ny, first.nu
-    response = np.full((len(f), ny, nu), np.nan, dtype=complex)
-    variance = np.full((len(f), ny, nu), np.nan)
-    noise = np.full((len(f), ny, ny), np.nan, dtype=complex)
-    for k, frequency in enumerate(f):
-        fit = local.solve(float(frequency), width)
-        if fit is not None:
-            response[k], variance[k], noise[k] = fit
+    response, variance, noise = local.solve_all(f, width)
     if not np.isfinite(response).any():
         warnings.warn(
             f"the inputs do not determine the response at any of the {len(f)} frequencies: they have no power there, "
@@ -107,10 +102,6 @@ def lpm(
         )
     covariance = complex_covariance(variance, f, first.dt)
     covariance[~np.isfinite(variance)] = np.nan
-    periods = 1.0
-    if period:
-        # the mean over periods has the noise of one, divided by their number
-        periods = float(np.mean([len(e.scored) // period for e in as_experiments(data)]))
     return FrequencyResponse(
         frequencies=f,
         response=response,
@@ -257,6 +248,18 @@ class _LocalFit:
                 f"half_width = {width} takes {2 * width + 1} lines, the shortest experiment has {fewest}: use more "
                 "samples, a lower degree or a longer period"
             )
+
+    def solve_all(self, f: FloatArray, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray]:
+        """Response (nf, ny, nu), its variance, and covariance of the noise (nf, ny, ny); NaN where it is not known."""
+        ny, nu = self.records[0].outputs.shape[1], self.records[0].inputs.shape[1]
+        response = np.full((len(f), ny, nu), np.nan, dtype=complex)
+        variance = np.full((len(f), ny, nu), np.nan)
+        noise = np.full((len(f), ny, ny), np.nan, dtype=complex)
+        for k, frequency in enumerate(f):
+            fit = self.solve(float(frequency), width)
+            if fit is not None:
+                response[k], variance[k], noise[k] = fit
+        return response, variance, noise
 
     def solve(self, frequency: float, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray] | None:
         """Response (ny, nu), its variance (ny, nu) and the covariance of the noise (ny, ny) at a frequency.

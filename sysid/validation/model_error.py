@@ -212,30 +212,14 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     gain = np.abs(estimate.realise(estimate.parameters).frequency_response(f))
     noise_alone = _interval_of_parameters(as_if_errors_were_independent(estimate), f)
     low, high = _interval_of_parameters(estimate, f)
-    p_values = np.full(ny, np.nan)
-    repeated: list[RepeatedErrors | None] = []
-    line_counts: list[tuple[int, int]] = []
-    p_distortion: list[float] = []
-    for i in range(ny):
-        of_output = [error[:, i] for error in errors]
-        found = repeated_errors(scored, [error[:, None] for error in of_output])
-        repeated.append(found)
-        groups = () if found is None else found.groups
-        p_distortion.append(p_value_of_common_part(scored, of_output, groups))
-        if found is None:
-            lines = lines_of_bands(scored, of_output, estimate, i)
-            p_values[i] = _p_value_of_bands(lines)
-        else:
-            spectra = lines_of_mean_periods(scored, of_output, found.groups)
-            lines = relative_lines(spectra, estimate, i)
-            p_values[i] = found.p_value
-        line_counts.append((len(lines), lines_needed(lines)))
-        if np.isnan(p_values[i]):
+    outputs = [_errors_of_output(estimate, scored, [error[:, i] for error in errors], i) for i in range(ny)]
+    for i, output in enumerate(outputs):
+        if np.isnan(output.p_value):
             # nothing is said in place of the intervals of the parameters, which noise alone would make
             low[:, i] = high[:, i] = np.nan
-        if not p_values[i] < LEVEL:
+        if not output.p_value < LEVEL:
             continue
-        with_error = _log_intervals(lines, estimate, i, f)
+        with_error = _log_intervals(output.lines, estimate, i, f)
         for j in range(nu):
             below, above = gain[:, i, j] * np.exp(with_error[:, j].T)
             # the interval holds that of the parameters, whatever the lines say of its error
@@ -248,14 +232,44 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         gain=gain,
         noise_alone=noise_alone,
         interval=(low, high),
-        p_values=p_values,
-        line_counts=tuple(line_counts),
-        repeated=tuple(repeated),
-        p_distortion=tuple(p_distortion),
+        p_values=np.array([output.p_value for output in outputs]),
+        line_counts=tuple((len(output.lines), lines_needed(output.lines)) for output in outputs),
+        repeated=tuple(output.repeated for output in outputs),
+        p_distortion=tuple(output.p_distortion for output in outputs),
         strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
     )
+
+
+@dataclass(frozen=True)
+class _OutputErrors:
+    """What the simulation errors of one output tell; see `ModelError`.
+
+    Attributes:
+        lines: The errors line by line.
+        p_value: Of the hypothesis that noise explains them.
+        repeated: What of them repeats with the input.
+        p_distortion: Of the hypothesis that they differ from sequence to sequence.
+    """
+
+    lines: Lines
+    p_value: float
+    repeated: RepeatedErrors | None
+    p_distortion: float
+
+
+def _errors_of_output(
+    estimate: Estimate, experiments: Sequence[IOData], errors: Sequence[FloatArray], output: int
+) -> _OutputErrors:
+    """Compare the errors of an output of each experiment (N_i,) with what noise explains."""
+    repeated = repeated_errors(experiments, [error[:, None] for error in errors])
+    if repeated is None:
+        bands = lines_of_bands(experiments, errors, estimate, output)
+        return _OutputErrors(bands, _p_value_of_bands(bands), None, float("nan"))
+    spectra = lines_of_mean_periods(experiments, errors, repeated.groups)
+    p_distortion = p_value_of_common_part(experiments, errors, repeated.groups)
+    return _OutputErrors(relative_lines(spectra, estimate, output), repeated.p_value, repeated, p_distortion)
 
 
 def as_if_errors_were_independent(estimate: Estimate) -> Estimate:
