@@ -196,6 +196,9 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     Raises:
         SysidError: A model that is not stable, channels that do not fit it, frequencies that are none, not finite,
             below 0 Hz or above Nyquist.
+
+    Warns:
+        SysidWarning: The model was estimated from other records.
     """
     estimate = as_estimate(estimate)
     f = frequency_list(f_hz)
@@ -206,6 +209,13 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     experiments = as_experiments(data, missing=True)
     if not estimate.model.is_stable():
         raise SysidError("model_error simulates the model: expected a stable one")
+    if estimate.data.hashes and not any(estimate.data.include(experiment) for experiment in experiments):
+        warnings.warn(
+            "the record is none that the model was estimated from: the intervals of its parameters and the errors of "
+            "the simulation are of different records",
+            SysidWarning,
+            stacklevel=2,
+        )
     errors = simulation_errors(estimate, experiments)
     scored = [e.scored for e in experiments]
     ny, nu = estimate.model.ny, estimate.model.nu

@@ -179,6 +179,8 @@ def test_refusals():
     refused("Nyquist", model_error, estimate, data, [30.0])
     refused("frequencies", model_error, estimate, data, [])
     refused("0 Hz to Nyquist", model_error, estimate, data, [-1.0])
+    with pytest.warns(sysid.SysidWarning, match="none that the model was estimated from"):
+        model_error(estimate, linear_record(1), [1.0])
     unstable = sysid.arx(IOData(data.u, np.cumsum(np.cumsum(data.y)) * np.geomspace(1, 1e3, 3000), DT), 2, 1, 1)
     if not unstable.model.is_stable():
         refused("stable", model_error, unstable, data, [1.0])
