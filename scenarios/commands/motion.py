@@ -24,7 +24,7 @@ def motion(
     are scored against everything that it prints. The answer: which settings explain it, whether one arm explains all
     joints, and the map of recovered bandwidth over motion and friction.
 
-    It takes about two hours of two free processors. Finished settings are saved; an interrupted run resumes.
+    It takes two and a half hours of two free processors. Finished settings are saved; an interrupted run resumes.
 
     Args:
         out: Folder for motion.json, motion.csv (a row for every cell), the map, motion.png and .svg, and the journal.

@@ -131,18 +131,6 @@ class MotionCampaign:
     multisines: int = 3
 
     @classmethod
-    def first(cls) -> "MotionCampaign":
-        """Return the campaign of 2026-11-23, whose record comes with the package: without slope and drift."""
-        return cls(
-            slopes=(1.0,),
-            presliding=(1e-3, 1e-4),
-            noises=(0.0, 0.1),
-            logged=(0.0, 1.0, 2.0),
-            drifts=(0.0,),
-            seeds=20,
-        )
-
-    @classmethod
     def quick(cls) -> "MotionCampaign":
         """Return a coarse campaign: one servo, the nominal chain, two frictions, two seeds, no multisines."""
         return cls(

@@ -40,7 +40,7 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
             raise ValueError(f"it has {path.stat().st_size} bytes")
         source = path or files("scenarios") / "data" / "motion.json"
         # Python would read NaN and Infinity, which JSON does not have.
-        record = _completed(json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse))
+        record = json.loads(source.read_text(encoding="utf-8"), parse_constant=_refuse)
         # Everything is made of it once, so that a damaged file fails here and not after minutes of simulation.
         motion_texts(record)
         Page({"words": str}).render("motion.html.j2", {"motion": record, "motion_sentences": (), "figures": {}})
@@ -54,20 +54,6 @@ def read_motion(path: Path | None = None) -> Mapping[str, Any]:
         why = f"{type(error).__name__}: {error}"[:200]
         raise ScenarioError(f"cannot read {str(path)!r}, expected a motion.json of hmtb motion: {why}") from error
     return dict(record)
-
-
-def _completed(record: Any) -> Any:
-    """A record with slope and drift, which those of the first campaign lack: it had the straight line, and no drift."""
-    if isinstance(record, dict):
-        completed = {name: _completed(value) for name, value in record.items()}
-        if isinstance(record.get("servo"), str) and "presliding" in record:
-            completed = {"slope": 1.0, "drift": 0.0, **completed}
-        elif "friction" in record and "cells" in record:
-            completed.setdefault("drift", {})
-        elif "servos" in record:
-            completed = {"slopes": [1.0], "drifts": [0.0], **completed}
-        return completed
-    return [_completed(value) for value in record] if isinstance(record, list) else record
 
 
 def _refuse(constant: str) -> None:

@@ -214,7 +214,7 @@ def test_the_command_writes_what_any_number_of_workers_gives_and_resumes(run, re
 
 
 def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
-    record, campaign = read_motion(), MotionCampaign.first()
+    record, campaign = read_motion(), MotionCampaign()
     assert record["campaign"] == json.loads(json.dumps(vars(campaign)))
     assert len(campaign.settings()) == record["settings"]
     assert record["failed"] == []
@@ -223,8 +223,8 @@ def test_the_record_of_the_whole_campaign_is_of_its_factors_and_items():
     assert {joint: list(one["best"]["distances"]) for joint, one in record["joints"].items()} == {
         joint: list(items(joint)) for joint in STUDIED_JOINTS
     }
-    # The first factor: flow at two presliding deflections, torque at one.
-    assert record["arms"]["number"] == 3 * 3 * 2 * 2 * 2 * 3
+    # Flow with three load-flow slopes, torque with one; gains, holds, amplitudes.
+    assert record["arms"]["number"] == (3 + 1) * 3 * 2 * 2
 
 
 @pytest.mark.thorough
@@ -232,7 +232,7 @@ def test_the_record_of_the_whole_campaign_is_of_this_arm():
     """One setting of the map again, which any change of the physics moves."""
     recorded = next(cell for cell in read_motion()["map"] if cell["joint"] == "elbow_pitch")
     setting = Setting(**{field.name: recorded[field.name] for field in fields(Setting)})
-    campaign = replace(MotionCampaign.first(), multisines=0, volts=(recorded["volts"],), logged=(recorded["logged"],))
+    campaign = replace(MotionCampaign(), multisines=0, volts=(recorded["volts"],), drifts=(recorded["drift"],))
     ((_, rows),) = run_settings(campaign, (setting,))
     (cell,) = cells({setting: rows})
     again = {name: value for name, value in cell.record().items() if isinstance(value, float) and np.isfinite(value)}
