@@ -14,7 +14,7 @@ GRADES = {"sufficient": "yes", "undecided": "partly", "not sufficient": "not", "
 """Beginnings of verdicts, with the class of their badge."""
 
 WITH_ERROR = "with nonlinear distortion and too low an order"
-"""What an interval counts where noise does not explain the errors."""
+"""Words behind an interval that is wider because noise alone does not explain the errors of the simulation."""
 
 
 @dataclass(frozen=True)

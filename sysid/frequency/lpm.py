@@ -15,7 +15,7 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
-from sysid.records.repetition import repetitions
+from sysid.records.repetition import LEAST_SHARE, repetitions, unrepeated_share
 
 LARGEST_GRID = 400  # frequencies estimated at if none are given, at most
 SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
@@ -142,10 +142,9 @@ def _unlike_periods(experiments: Sequence[IOData], period: int) -> list[str]:
         count = len(experiment) // period
         if count < 2:
             continue
-        u = experiment.u[len(experiment) - count * period :].reshape(count, period, -1)
-        u = u - u.mean(axis=(0, 1))
-        differing = float(np.sum((u - u.mean(axis=0)) ** 2) / max(np.sum(u**2), np.finfo(float).tiny))
-        if differing > 0.5 * (count - 1) / count:
+        share = unrepeated_share(experiment.u, period)
+        if share > 1.0 - LEAST_SHARE:
+            differing = share * (count - 1) / count
             texts.append(
                 f"the inputs of experiment {k} do not repeat after {period} samples: {100.0 * differing:.0f} % of "
                 "their power differs between the periods, and the mean over them is no response"

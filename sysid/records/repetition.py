@@ -106,7 +106,7 @@ def _period(x: FloatArray) -> tuple[int, float]:
     # shorter periods may be less alike than their multiples, as those of a hold that does not divide them
     earliest = peaks[:CANDIDATES]
     candidates = np.unique(np.concatenate((strongest, earliest)))
-    remainders = np.array([_remainder(x, int(period)) for period in candidates])
+    remainders = np.array([unrepeated_share(x, int(period)) for period in candidates])
     good = candidates[remainders <= AS_GOOD * remainders.min() + EXACT]
     period = int(good[0])
     remainder = float(remainders[candidates == period][0])
@@ -128,7 +128,7 @@ def _lag_correlations(x: FloatArray) -> FloatArray:
     return np.asarray(products / np.sqrt(np.maximum(early * late, np.finfo(float).tiny)))
 
 
-def _remainder(x: FloatArray, period: int) -> float:
+def unrepeated_share(x: FloatArray, period: int) -> float:
     """Power of signals (N, n) about the mean of their whole periods, over all their power; free of bias."""
     count = len(x) // period
     folded = x[len(x) - count * period :].reshape(count, period, -1)

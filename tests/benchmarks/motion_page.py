@@ -2,7 +2,7 @@
 
     python tests/benchmarks/motion_page.py
 
-It runs nothing: `hmtb motion` makes the record, `scenarios/data/motion.json`, in two and a half hours of two processors.
+It runs nothing: `hmtb motion` makes the record, `scenarios/data/motion.json`, in 2.5 hours of two processors.
 """
 
 from scenarios.thesis.finding import words
