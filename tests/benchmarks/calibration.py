@@ -10,7 +10,8 @@ Criterion of 30 November 2026, when ten draws of each row had been seen, to lear
 95 % intervals (of a vector the 95 % region) hold the truth in 93 to 97 % of the draws in which the estimator gave no
 warning. Two exceptions: intervals of `model_error`, which hold a union of claims, in 93 % at least; and a row of which
 fewer than half of the draws are without warning is "warned", whatever the coverage. An estimator that refuses a record
-with an error does not count as wrong. A departure from uniformity of adjusted p below 0.05 is "visible", and no
+with an error, or with an interval of NaN, does not count as wrong; a row of which every record is refused is
+"refused". A departure from uniformity of adjusted p below 0.05 is "visible", and no
 failure: 2,000 draws see terms of order 1/N that no user of an interval does.
 
 "quantised output" judges the path, since rounding becomes a part of the disturbance. "repeating errors" judges against
@@ -193,6 +194,8 @@ class Row:
     @property
     def verdict(self):
         """What the criterion says of the row."""
+        if not self.figures:
+            return "refused"
         if self.warned > 1.0 - FEWEST_UNWARNED:
             return "warned"
         if self.failed:
@@ -203,6 +206,8 @@ class Row:
 def row_of(key, outcomes):
     """Summary of the outcomes of a row."""
     answered = [(claims, texts) for claims, texts, refusal in outcomes if not refusal]
+    if not answered:
+        return Row(key, {}, 0.0, len(outcomes), Counter(), float("nan"), len(outcomes))
     texts = Counter(text for _, of_draw in answered for text in of_draw)
     warned = float(np.mean([bool(of_draw) for _, of_draw in answered]))
     quantities = answered[0][0]
@@ -373,7 +378,7 @@ def main():
     p_values = adjusted(rows)
     verdicts = Counter(one.verdict.partition(":")[0] for one in rows)
     visible = sum(p_value < VISIBLE for p_value in p_values.values())
-    counts = ", ".join(f"{verdicts[name]} {name}" for name in ("holds", "fails", "warned", "open"))
+    counts = ", ".join(f"{verdicts[name]} {name}" for name in ("holds", "fails", "warned", "refused", "open"))
     print(f"{asked_for.draws} draws of each of {len(rows)} rows: {counts}.", end=" ")
     print(f"Of {len(p_values)} tests of uniformity, {visible} see a departure.")
     for problem in PROBLEMS:

@@ -385,6 +385,9 @@ def gain_intervals(fit: Fit, system: System, problem: Problem):
         data, before = record(system, problem, rng)
         error = sysid.model_error(fit(data, before), data, GAINS)
         low, high = (end[:, 0, 0] for end in error.interval)
+        if np.isnan(low).any():
+            # an interval of NaN claims nothing, as an error does
+            raise SysidError("the interval is NaN: the record has too few lines to measure the order by")
         truth = np.abs(system.response(GAINS))
         claims = {}
         for k, hz in enumerate(GAINS):
