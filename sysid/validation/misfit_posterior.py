@@ -6,6 +6,7 @@ noise and nonlinear distortion, which is rough because the phases of the lines a
 the data, by their marginal likelihood [Rasmussen2006, ch. 5].
 """
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ import scipy
 from sysid.records.arrays import ComplexArray, FloatArray
 
 OCTAVES = 1.2  # over which the error of a response changes: the width of a pair of poles beside a pair of zeros
+# tried besides where the rough part is known apart: a response beside a resonance changes faster
+FEWER_OCTAVES = (0.4, 0.7)
 SIZES = tuple(
     10.0 ** np.arange(-2.0, 5.0)
 )  # variances of the smooth part, over those of the rough part, that are tried
@@ -139,11 +142,13 @@ def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hy
     basis, to_basis = _orthonormal(_stacked(lines.sensitivities))
     at_frequency = np.stack((sensitivities.real, sensitivities.imag), axis=1) @ to_basis
     freedom = 2.0 * len(lines) - basis.shape[1] + lines.freedom
-    prior, cross = _prior(lines, frequency, scale)
+    # shapes of an unknown variance are about one
+    rough = 1.0 if lines.variances is None else float(np.exp(np.mean(np.log(lines.variances))))
     logarithms, means, covariances = [], [], []
-    for variances in _shapes(lines, frequency):
+    priors = [_prior(lines, frequency, scale, octaves) for octaves in _widths(lines)]
+    for variances, (prior, cross) in itertools.product(_shapes(lines, frequency), priors):
         whitened = _whiten(lines, basis, variances, prior, cross)
-        for size in (0.0, *SIZES):
+        for size in (0.0, *(rough * ratio for ratio in SIZES)):
             logarithm, mean, covariance = _at_size(whitened, size, scale, at_frequency, lines.freedom, freedom)
             if size == 0.0:
                 # no smooth part is as probable beforehand as all sizes of it together
@@ -157,15 +162,15 @@ def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hy
     return Hypotheses(weights, np.array(means)[kept], np.array(covariances)[kept], freedom)
 
 
-def _prior(lines: Lines, frequency: float, scale: float) -> tuple[FloatArray, FloatArray]:
+def _prior(lines: Lines, frequency: float, scale: float, octaves: float) -> tuple[FloatArray, FloatArray]:
     """Covariance of the smooth part of the lines (2 n, 2 n), and of each path at the frequency with it (nu, 2, 2 n)."""
     nu = lines.inputs.shape[1]
     at_frequency, unit = np.array([frequency]), np.eye(nu, dtype=complex)
-    prior = _smooth_covariance(lines.frequencies, lines.inputs, lines.frequencies, lines.inputs)
+    prior = _smooth_covariance(lines.frequencies, lines.inputs, lines.frequencies, lines.inputs, octaves)
     cross = []
     for j in range(nu):
         of_path = lines.inputs[:, [j]]
-        cross.append(_smooth_covariance(at_frequency, unit[[j]][:, [j]], lines.frequencies, of_path))
+        cross.append(_smooth_covariance(at_frequency, unit[[j]][:, [j]], lines.frequencies, of_path, octaves))
     return prior / scale, np.array(cross) / scale
 
 
@@ -228,17 +233,22 @@ def _orthonormal(columns: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _smooth_covariance(
-    f: FloatArray, inputs: ComplexArray, other_f: FloatArray, other_inputs: ComplexArray
+    f: FloatArray, inputs: ComplexArray, other_f: FloatArray, other_inputs: ComplexArray, octaves: float
 ) -> FloatArray:
     """Covariance (2 n, 2 m) of real and imaginary parts of the smooth errors, which are independent between paths.
 
     Each part is a Matern process of order 5/2 in octaves [Rasmussen2006, eq. 4.17].
     """
-    distance = np.sqrt(5.0) * np.abs(np.log2(f)[:, None] - np.log2(other_f)) / OCTAVES
+    distance = np.sqrt(5.0) * np.abs(np.log2(f)[:, None] - np.log2(other_f)) / octaves
     kernel = (1.0 + distance + distance**2 / 3.0) * np.exp(-distance)
     product = inputs @ other_inputs.conj().T
     real, imaginary = kernel * product.real, kernel * product.imag
     return np.block([[real, -imaginary], [imaginary, real]])
+
+
+def _widths(lines: Lines) -> tuple[float, ...]:
+    """Octaves over which the smooth part changes that are tried."""
+    return (OCTAVES,) if lines.variances is None else (*FEWER_OCTAVES, OCTAVES)
 
 
 def _shapes(lines: Lines, frequency: float) -> list[FloatArray]:

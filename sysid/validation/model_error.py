@@ -131,7 +131,7 @@ class ModelError(Locked):
         if repeated is None:
             return (
                 f"{name}: noise does not explain the errors of the simulation (p = {p_value:.2g}): the order is too "
-                "low, or a disturbance depends on the input"
+                "low, the model of the noise is wrong, or a disturbance depends on the input"
             )
         of_all = ""
         if len(repeated.groups) > 1:
@@ -310,22 +310,37 @@ def simulation_errors(estimate: Estimate, experiments: Sequence[IOData]) -> list
 
 
 def _p_value_of_bands(lines: Lines) -> float:
-    """p-value of the hypothesis that noise explains the errors of all bands but for what the parameters may change.
+    """p-value of the hypothesis that noise explains the errors of all bands, and how far the parameters are off.
 
-    The sum of squares over the variances, real and imaginary part of every line, is about chi-square.
+    Two tests, of which the smaller p-value counts twice. What no change of the parameters explains: its sum of squares
+    over the variances, real and imaginary part of every line, is about chi-square. And what a change would explain: the
+    parameters that fit the simulation best differ from the estimated ones [Hausman1978], by no more than the variance
+    of the one and that of the other make together. An estimator whose model of the noise is wrong, as `arx` has it
+    beside friction, is seen by the second one alone.
     """
     variances = np.ones(len(lines)) if lines.variances is None else lines.variances
     root = np.sqrt(np.concatenate((variances, variances)) / 2.0)
     errors = np.concatenate((lines.errors.real, lines.errors.imag)) / root
     changes = np.concatenate((lines.sensitivities.real, lines.sensitivities.imag)) / root[:, None]
-    left, values, _ = np.linalg.svd(changes / np.maximum(np.linalg.norm(changes, axis=0), 1e-300), full_matrices=False)
+    lengths = np.maximum(np.linalg.norm(changes, axis=0), 1e-300)
+    left, values, _ = np.linalg.svd(changes / lengths, full_matrices=False)
     explained = left[:, values > 1e-6 * values.max(initial=0.0)]
-    freedom = len(errors) - explained.shape[1]
+    count = explained.shape[1]
+    freedom = len(errors) - count
     if freedom < FEWEST:
         return float("nan")
-    remainder = errors - explained @ (explained.T @ errors)
+    along = explained.T @ errors
+    remainder = errors - explained @ along
     # variances of bands have few degrees of freedom: a ratio of sums of squares
-    return float(scipy.stats.f.sf(float(remainder @ remainder) / freedom, freedom, lines.freedom))
+    p_value = float(scipy.stats.f.sf(float(remainder @ remainder) / freedom, freedom, lines.freedom))
+    if not count:
+        return p_value
+    # in units of the noise: of the best parameters one, of the estimated ones what their directions move the lines by
+    moved = explained.T @ changes
+    difference = np.eye(count) + moved @ moved.T
+    squares = float(along @ np.linalg.solve(difference, along))
+    p_of_parameters = float(scipy.stats.f.sf(squares / count, count, lines.freedom))
+    return min(1.0, 2.0 * min(p_value, p_of_parameters))
 
 
 def _log_intervals(lines: Lines, estimate: Estimate, output: int, f: FloatArray) -> FloatArray:

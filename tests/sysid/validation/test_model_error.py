@@ -44,7 +44,8 @@ def test_where_noise_explains_the_errors_the_interval_is_that_of_the_parameters(
                 np.testing.assert_array_equal(end, of_noise)
     assert np.mean(np.array(p_values) < 0.05) < 0.15
     assert np.mean(np.array(p_values) < 0.01) < 0.06
-    assert np.mean(p_values) == pytest.approx(0.5, abs=0.12)
+    # of two tests the smaller one counts twice, and the second one hardly ever is
+    assert np.mean(np.array(p_values) < 0.5) == pytest.approx(0.25, abs=0.15)
 
 
 @pytest.mark.parametrize("estimator", ["oe", "arx", "armax", "okid", "n4sid"])
@@ -66,6 +67,30 @@ def test_too_low_an_order_shows_and_the_interval_holds_the_true_gain(estimator):
         alone.append(holds(error.noise_alone, gain(TRUE_B, TRUE_A, HZ)))
     assert np.mean(held) >= 0.9
     assert np.mean(alone) < 0.6
+
+
+def test_a_wrong_model_of_the_noise_shows_and_the_interval_holds_the_true_gain():
+    # the orders of the path are right: another choice of the parameters would explain the errors
+    resonant = [0.0, 0.4, 0.2], [1.0, -1.2, 0.5]
+    held, alone = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        u = lfilter([1.0], [1.0, -0.6], rng.standard_normal(3000))
+        data = IOData(u, lfilter(*resonant, u) + 0.3 * rng.standard_normal(3000), DT)
+        error = model_error(sysid.arx(data, 2, 2, 1), data, HZ)
+        assert error.is_wider.all()
+        held.append(holds(error.interval, gain(*resonant, HZ)))
+        alone.append(holds(error.noise_alone, gain(*resonant, HZ)))
+    assert np.mean(held) >= 0.9
+    assert np.mean(alone) < 0.6
+
+
+def test_intervals_do_not_depend_on_units():
+    data = linear_record(0)
+    small = IOData(1e-4 * data.u, 1e-4 * data.y, DT)
+    error, of_small = (model_error(sysid.oe(record, 1, 1, 1), record, HZ) for record in (data, small))
+    for end, other in zip(error.interval, of_small.interval, strict=True):
+        np.testing.assert_allclose(end, other, rtol=1e-4)
 
 
 def test_distortion_that_repeats_with_the_input_shows_and_the_interval_holds_the_best_linear_gain():
