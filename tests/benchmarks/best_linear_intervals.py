@@ -35,6 +35,7 @@ from tests.benchmarks.tables import heading, row
 
 KINDS = ("prbs", "multisine", "chirp", "short prbs")
 AMPLITUDES = (0.5, 1.0, 2.0)
+COLUMNS = ("with distortion and order, %", "errors that repeat once, %", "noise alone, %", "width / spread", "fits")
 METHODS = ("arx", "armax", "iv4", "oe", "okid")
 HZ = np.array([0.5, 1.0, 2.0])
 DURATION = 60.0
@@ -121,15 +122,28 @@ def estimated(structure, data):
 
 
 def combination(task):
-    """Logarithms of gain over truth, and which interval holds it, of every record and method of one combination."""
+    """Outcomes of every method on the records of one combination."""
     kind, joint, amplitude, count, sequences, seed, bandwidth = task
     f, gain = best_linear_gain(records(kind, joint, amplitude, range(seed, seed + sequences)))
     truth = gain[np.searchsorted(f, HZ)]
-    hz = bandwidth_of(f, gain)
-    asked = GRID if bandwidth else HZ
+    hz = bandwidth_of(f, gain) if bandwidth else None
+    fresh = records(kind, joint, amplitude, range(seed + 10_000, seed + 10_000 + count))
+    return (kind, joint, amplitude), outcomes(fresh, joint, truth, hz)
+
+
+def outcomes(recorded, joint, truth, hz=None):
+    """Logarithms of gain over truth, and which interval holds it, of every record and method.
+
+    Args:
+        recorded: Records of the joint.
+        joint: Name.
+        truth: Gain of the best linear system at `HZ`.
+        hz: Its bandwidth from the lowest strong line; None asks for none.
+    """
+    asked = HZ if hz is None else GRID
     rows = np.searchsorted(asked, HZ)
-    outcomes = {method: [] for method in METHODS}
-    for data in records(kind, joint, amplitude, range(seed + 10_000, seed + 10_000 + count)):
+    found = {method: [] for method in METHODS}
+    for data in recorded:
         about_mean = data.detrend()
         for structure in every_structure(joint):
             with warnings.catch_warnings():
@@ -145,10 +159,10 @@ def combination(task):
             intervals = [of_error[0], [end[:, 0, 0] for end in once], of_error[1]]
             held = [(low <= truth) & (truth <= high) for low, high in intervals]
             low, high = intervals[0]
-            of_bandwidth = np.full(len(HZ), holds(error.bandwidth(LOWEST), hz) if bandwidth else np.nan)
+            of_bandwidth = np.full(len(HZ), np.nan if hz is None else holds(error.bandwidth(LOWEST), hz))
             ratio = np.log(error.gain[rows, 0, 0] / truth)
-            outcomes[structure.method].append((ratio, *held, np.log(high / low), of_bandwidth))
-    return (kind, joint, amplitude), {method: np.array(list_of) for method, list_of in outcomes.items()}
+            found[structure.method].append((ratio, *held, np.log(high / low), of_bandwidth))
+    return {method: np.array(list_of) for method, list_of in found.items()}
 
 
 def print_rows(label, cells):
@@ -177,8 +191,7 @@ def main():
     wanted = [(*key, *shared) for key in itertools.product(arguments.kinds, STUDIED_JOINTS, AMPLITUDES)]
     with Pool(arguments.processes) as pool:
         results = dict(pool.imap(combination, wanted))
-    columns = ["with distortion and order, %", "errors that repeat once, %", "noise alone, %", "width / spread", "fits"]
-    heading("", *columns, *(["bandwidth from 0.5 Hz, %"] if arguments.bandwidth else []))
+    heading("", *COLUMNS, *(["bandwidth from 0.5 Hz, %"] if arguments.bandwidth else []))
 
     def chosen(position, value):
         return [
