@@ -19,6 +19,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
 from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
+from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
 from sysid.validation.simulation_lines import (
     lines_of_bands,
     lines_of_mean_periods,
@@ -53,6 +54,7 @@ class ModelError(Locked):
             the input does not repeat.
         p_distortion: Of the hypothesis that errors differ from sequence to sequence, as distortion does and too low an
             order does not, per output; NaN without several sequences of one period, or of several inputs.
+        parts: Gains of the parts of records without repetition, compared; None of records that repeat.
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
         input_names: One name per input.
         output_names: One name per output.
@@ -66,19 +68,35 @@ class ModelError(Locked):
     line_counts: tuple[tuple[int, int], ...]
     repeated: tuple[RepeatedErrors | None, ...]
     p_distortion: tuple[float, ...]
+    parts: PartsOfRecord | None
     strong_line: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
 
     @property
     def is_wider(self) -> np.ndarray:
-        """Whether distortion or too low an order shows, per output (ny,)."""
-        return np.asarray(self.p_values < LEVEL)
+        """Whether distortion, too low an order or a gain that changes shows, per output (ny,)."""
+        return np.asarray((self.p_values < LEVEL) | self._changes.any(axis=1))
+
+    @property
+    def _changes(self) -> np.ndarray:
+        """Whether the gain of a path changes from part to part of the records (ny, nu)."""
+        return np.zeros(self.gain.shape[1:], dtype=bool) if self.parts is None else self.parts.log_half_widths > 0.0
 
     @property
     def reasons(self) -> tuple[str, ...]:
         """Why the intervals are wider than noise alone makes them, and which experiment would tell more, per output."""
-        return tuple(self._reason(i) for i in range(len(self.output_names)))
+        texts = []
+        for i in range(len(self.output_names)):
+            text = self._reason(i)
+            if self.parts is not None and self._changes[i].any() and np.isfinite(self.interval[0][:, i]).any():
+                text += (
+                    f"; the gain differs between the {self.parts.count} parts of the records "
+                    f"(p = {self.parts.p_value:.2g}), as that of a nonlinearity does under a changing power, or of a "
+                    "plant that changes: the interval counts their scatter, and more or longer records narrow it"
+                )
+            texts.append(text)
+        return tuple(texts)
 
     def bandwidth(self, reference: float | None = None) -> Bandwidth:
         """First frequency at which each gain is 3.01 dB below that at a reference (ny, nu), Hz, between `frequencies`.
@@ -237,6 +255,11 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
             high[:, i, j] = np.fmax(np.maximum(above, gain[:, i, j]), high[:, i, j])
             unknown = ~np.isfinite(below)
             low[unknown, i, j] = high[unknown, i, j] = np.nan
+    parts = None
+    if all(output.repeated is None for output in outputs):
+        parts = compare_parts(estimate, scored)
+        if parts.differ:
+            low, high = _with_scatter(gain, low, high, parts.log_half_widths)
     return ModelError(
         frequencies=f,
         gain=gain,
@@ -246,6 +269,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         line_counts=tuple((len(output.lines), lines_needed(output.lines)) for output in outputs),
         repeated=tuple(output.repeated for output in outputs),
         p_distortion=tuple(output.p_distortion for output in outputs),
+        parts=parts,
         strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
@@ -296,6 +320,17 @@ def _interval_of_parameters(estimate: Estimate, f: FloatArray) -> tuple[FloatArr
         return unknown, unknown.copy()
     low, high = response.magnitude_ci95()
     return low.copy(), high.copy()
+
+
+def _with_scatter(
+    gain: FloatArray, low: FloatArray, high: FloatArray, half_widths: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Ends of intervals about gains (nf, ny, nu) with an independent error of the logarithm besides (ny, nu)."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        below = gain * np.exp(-np.hypot(np.log(gain / low), half_widths))
+        above = gain * np.exp(np.hypot(np.log(high / gain), half_widths))
+    # a gain of zero has no logarithm, and no relative error
+    return np.where(gain > 0.0, below, low), np.where(gain > 0.0, above, high)
 
 
 def simulation_errors(estimate: Estimate, experiments: Sequence[IOData]) -> list[FloatArray]:

@@ -85,6 +85,47 @@ def test_a_wrong_model_of_the_noise_shows_and_the_interval_holds_the_true_gain()
     assert np.mean(alone) < 0.6
 
 
+def saturated_record(seed, samples=2600):
+    """Noise of low pass, whose power changes slowly, through a saturation between two poles."""
+    rng = np.random.default_rng([9, seed])
+    u = 0.2 * lfilter([1.0], [1.0, -0.7], rng.standard_normal(samples + 200))
+    x = np.clip(lfilter([0.2], [1.0, -0.8], u), -0.12, 0.12)
+    y = lfilter([0.0, 0.15], [1.0, -0.85], x) + 2e-4 * rng.standard_normal(samples + 200)
+    return IOData(u[200:], y[200:], DT)
+
+
+def gain_of_many(records):
+    """Gain of the best linear system at `HZ`, from a cubic through the lines near."""
+    spectra = []
+    for data in records:
+        window = np.hanning(len(data))
+        spectra.append([np.fft.rfft(window * signal[:, 0]) for signal in (data.u, data.y)])
+    u, y = np.moveaxis(np.array(spectra), 1, 0)
+    f = np.fft.rfftfreq(len(data), DT)
+    cross, power = np.sum(y * u.conj(), axis=0), np.sum(np.abs(u) ** 2, axis=0)
+    gains = []
+    for hz in HZ:
+        near = (f > hz / 1.3) & (f < hz * 1.3)
+        root = np.sqrt(power[near])
+        terms = np.vander(np.log(f[near] / hz), 4, increasing=True)
+        gains.append(np.abs(np.linalg.lstsq(terms * root[:, None], cross[near] / root, rcond=None)[0][0]))
+    return np.array(gains)
+
+
+def test_a_gain_that_follows_the_power_of_the_input_shows_and_the_interval_counts_it():
+    truth = gain_of_many([saturated_record(seed) for seed in range(1000, 1300)])
+    held, alone, reasons = [], [], []
+    for seed in range(40):
+        data = saturated_record(seed).detrend()
+        error = model_error(sysid.oe(data, 2, 2, 1), data, HZ)
+        held.append(holds(error.interval, truth))
+        alone.append(holds(error.noise_alone, truth))
+        reasons.append(error.reasons[0])
+    assert np.mean(held) >= 0.9
+    assert np.mean(alone) < 0.85
+    assert sum("the gain differs between the 8 parts" in reason for reason in reasons) > 30
+
+
 def test_intervals_do_not_depend_on_units():
     data = linear_record(0)
     small = IOData(1e-4 * data.u, 1e-4 * data.y, DT)
