@@ -66,6 +66,8 @@ class RepeatedErrors:
 def repeated_errors(experiments: Sequence[IOData], errors: Sequence[FloatArray]) -> RepeatedErrors | None:
     """Test whether prediction errors of each experiment (N_i, ny) repeat with the input; None where the input does not.
 
+    Errors that are NaN are left out.
+
     The variance of the means over the periods, times their number, is that of the errors within them if the periods
     are independent, whatever the colour of the errors: an F test, with as many degrees of freedom as the spectrum of
     the errors has independent values [Satterthwaite1946].
@@ -75,7 +77,7 @@ def repeated_errors(experiments: Sequence[IOData], errors: Sequence[FloatArray])
 
 
 def _errors_of_groups(groups: tuple[Repetition, ...], errors: Sequence[FloatArray]) -> RepeatedErrors | None:
-    """`repeated_errors` of sequences that are known; None of errors that are all zero, or not finite."""
+    """`repeated_errors` of sequences that are known; None of errors that are all zero, or hardly known."""
     between, within = 0.0, 0.0
     freedom_between, freedom_within = 0.0, 0.0
     largest = max(float(np.nanmax(np.abs(e), initial=0.0)) for e in errors)
@@ -83,14 +85,20 @@ def _errors_of_groups(groups: tuple[Repetition, ...], errors: Sequence[FloatArra
         # no errors at all, or none that could be compared
         return None
     for group in groups:
-        folded = group.folded([np.nan_to_num(e / largest) for e in errors])
-        mean = folded.mean(axis=0)
-        deviations = folded - mean
+        folded = group.folded([e / largest for e in errors])
+        known = np.isfinite(folded)
+        folded = np.where(known, folded, 0.0)
+        counts = known.sum(axis=0)
+        mean = folded.sum(axis=0) / np.maximum(counts, 1)
+        deviations = np.where(known, folded - mean, 0.0)
         values = _independent_values(deviations)
-        between += group.count * float(np.sum(mean**2)) / group.period * values
+        between += float(np.sum(counts * mean**2)) / group.period * values
         within += float(np.sum(deviations**2)) / group.period * values
-        freedom_between += values
-        freedom_within += (group.count - 1) * values
+        # where outputs are missing, fewer values than samples of the period are known, and fewer deviations from them
+        freedom_between += float(np.mean(counts > 0)) * values
+        freedom_within += float(np.mean(np.maximum(counts - 1, 0))) * values
+    if not (freedom_between > 0.0 and freedom_within > 0.0):
+        return None
     of_mean, of_noise = between / freedom_between, within / freedom_within
     if of_mean <= 0.0:
         return None

@@ -270,8 +270,11 @@ def _whitener(disturbance: FloatArray, most: int) -> FloatArray:
     By least squares: the Yule-Walker equations flatten the resonances of short records, which made 3 % instead of 1 %
     of agreeing runs with a resonant disturbance seem to differ.
     """
-    rows = np.column_stack((lagged(disturbance, range(1, most + 1), most), disturbance[most:]))
-    rows = rows[np.isfinite(rows).all(axis=1)]
+    rows = _known_rows(disturbance, most)
+    while most and len(rows) < COLOUR * most:
+        # hardly any run of known samples is that long
+        most -= 1
+        rows = _known_rows(disturbance, most)
     least, whitener = np.inf, np.ones(1)
     for order in range(most + 1):
         coefficients = np.linalg.lstsq(rows[:, :order], rows[:, -1], rcond=None)[0]
@@ -280,6 +283,12 @@ def _whitener(disturbance: FloatArray, most: int) -> FloatArray:
         if bic < least:
             least, whitener = bic, np.concatenate(([1.0], -coefficients))
     return whitener
+
+
+def _known_rows(disturbance: FloatArray, order: int) -> FloatArray:
+    """Rows of so many past samples of a disturbance (N,) and the present one, those without NaN."""
+    rows = np.column_stack((lagged(disturbance, range(1, order + 1), order), disturbance[order:]))
+    return np.asarray(rows[np.isfinite(rows).all(axis=1)])
 
 
 def _whitened_regression(tables: Sequence[OutputTable], whitener: FloatArray) -> RunRegression | None:

@@ -18,12 +18,14 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
+from sysid.records.repetition import LEAST_SHARE, STILL, Repetition
 from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
 from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
 from sysid.validation.simulation_lines import (
+    SequencesCompared,
+    compare_sequences,
     lines_of_bands,
     lines_of_mean_periods,
-    p_value_of_common_part,
     relative_lines,
     response_changes,
 )
@@ -52,8 +54,8 @@ class ModelError(Locked):
         line_counts: Lines of the input that tell the errors apart, and how many are needed, per output.
         repeated: The periods of the input and what of the simulation errors repeats with them, per output; None where
             the input does not repeat.
-        p_distortion: Of the hypothesis that errors differ from sequence to sequence, as distortion does and too low an
-            order does not, per output; NaN without several sequences of one period, or of several inputs.
+        sequences: Errors under several sequences, compared: whether they are alike, as too low an order makes them, or
+            differ, as distortion does, per output.
         parts: Gains of the parts of records without repetition, compared; None of records that repeat.
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
         input_names: One name per input.
@@ -67,7 +69,7 @@ class ModelError(Locked):
     p_values: FloatArray
     line_counts: tuple[tuple[int, int], ...]
     repeated: tuple[RepeatedErrors | None, ...]
-    p_distortion: tuple[float, ...]
+    sequences: tuple[SequencesCompared, ...]
     parts: PartsOfRecord | None
     strong_line: float
     input_names: tuple[str, ...]
@@ -146,7 +148,7 @@ class ModelError(Locked):
             )
         if p_value >= LEVEL:
             return f"{name}: noise alone may make the errors of the simulation (p = {p_value:.2g})"
-        if repeated is None:
+        if repeated is None or not repeated.is_significant:
             return (
                 f"{name}: noise does not explain the errors of the simulation (p = {p_value:.2g}): the order is too "
                 "low, the model of the noise is wrong, or a disturbance depends on the input"
@@ -159,15 +161,26 @@ class ModelError(Locked):
             f"{name}: {100.0 * repeated.share:.0f} % of the simulation errors' power is the same in all {periods} "
             f"periods{of_all}, so it is no noise: "
         )
-        p_distortion = self.p_distortion[output]
-        if p_distortion < LEVEL:
-            return f"{text}the order is too low, as the errors are alike in all sequences (p = {p_distortion:.2g})"
-        if np.isfinite(p_distortion):
-            return (
-                f"{text}nonlinear distortion, as the errors differ from sequence to sequence (p = {p_distortion:.2g})"
+        return text + self._told_by_sequences(output)
+
+    def _told_by_sequences(self, output: int) -> str:
+        """Whether sequences tell distortion, too low an order, or both."""
+        compared = self.sequences[output]
+        parts = []
+        if compared.p_common < LEVEL:
+            parts.append(f"the order is too low, as errors are alike in all sequences (p = {compared.p_common:.2g})")
+        if compared.p_alike < LEVEL:
+            also = "also " if parts else ""
+            parts.append(
+                f"nonlinear distortion, as errors {also}differ from sequence to sequence (p = {compared.p_alike:.2g})"
             )
-        text += "nonlinear distortion, or too low an order"
-        if len(repeated.groups) == 1:
+        if parts:
+            return ", and ".join(parts)
+        text = "nonlinear distortion, or too low an order"
+        if np.isfinite(compared.p_common):
+            return f"{text}; the sequences do not tell which"
+        repeated = self.repeated[output]
+        if repeated is not None and len(repeated.groups) == 1:
             text += "; a second sequence, best a random-phase multisine of the same band and strength, tells them apart"
         return text
 
@@ -268,7 +281,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         p_values=np.array([output.p_value for output in outputs]),
         line_counts=tuple((len(output.lines), lines_needed(output.lines)) for output in outputs),
         repeated=tuple(output.repeated for output in outputs),
-        p_distortion=tuple(output.p_distortion for output in outputs),
+        sequences=tuple(output.sequences for output in outputs),
         parts=parts,
         strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,
@@ -284,13 +297,13 @@ class _OutputErrors:
         lines: The errors line by line.
         p_value: Of the hypothesis that noise explains them.
         repeated: What of them repeats with the input.
-        p_distortion: Of the hypothesis that they differ from sequence to sequence.
+        sequences: What several sequences tell.
     """
 
     lines: Lines
     p_value: float
     repeated: RepeatedErrors | None
-    p_distortion: float
+    sequences: SequencesCompared
 
 
 def _errors_of_output(
@@ -298,12 +311,28 @@ def _errors_of_output(
 ) -> _OutputErrors:
     """Compare the errors of an output of each experiment (N_i,) with what noise explains."""
     repeated = repeated_errors(experiments, [error[:, None] for error in errors])
-    if repeated is None:
-        bands = lines_of_bands(experiments, errors, estimate, output)
-        return _OutputErrors(bands, _p_value_of_bands(bands), None, float("nan"))
-    spectra = lines_of_mean_periods(experiments, errors, repeated.groups)
-    p_distortion = p_value_of_common_part(experiments, errors, repeated.groups)
-    return _OutputErrors(relative_lines(spectra, estimate, output), repeated.p_value, repeated, p_distortion)
+    if repeated is not None and not _every_input_repeats(experiments, repeated.groups):
+        # what the path from another input leaves would seem to be noise
+        repeated = None
+    if repeated is not None and repeated.is_significant:
+        spectra = lines_of_mean_periods(experiments, errors, repeated.groups)
+        compared = compare_sequences(experiments, errors, repeated.groups)
+        return _OutputErrors(relative_lines(spectra, estimate, output), repeated.p_value, repeated, compared)
+    # bands show errors that are small at every single line of a period
+    bands = lines_of_bands(experiments, errors, estimate, output)
+    return _OutputErrors(bands, _p_value_of_bands(bands), repeated, SequencesCompared())
+
+
+def _every_input_repeats(experiments: Sequence[IOData], groups: Sequence[Repetition]) -> bool:
+    """Whether each input that moves repeats with the sequences, not only most of their power."""
+    for group in groups:
+        folded = group.folded([experiment.u for experiment in experiments])
+        within = np.sum((folded - folded.mean(axis=0)) ** 2, axis=(0, 1)) / (group.count - 1)
+        total = np.sum((folded - folded.mean(axis=(0, 1))) ** 2, axis=(0, 1)) / group.count
+        moves = np.sqrt(total / group.period) > STILL * np.abs(folded).max(axis=(0, 1))
+        if np.any(moves & (within > (1.0 - LEAST_SHARE) * total)):
+            return False
+    return True
 
 
 def as_if_errors_were_independent(estimate: Estimate) -> Estimate:
@@ -334,13 +363,13 @@ def _with_scatter(
 
 
 def simulation_errors(estimate: Estimate, experiments: Sequence[IOData]) -> list[FloatArray]:
-    """Measured less simulated outputs behind the initialisation windows (N_i, ny); zero where an output is missing."""
+    """Measured less simulated outputs behind the initialisation windows (N_i, ny); NaN where an output is missing."""
     errors = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         for experiment in experiments:
             error = experiment.y - predict(estimate, experiment, steps=None)
-            errors.append(np.nan_to_num(error[experiment.window :]))
+            errors.append(error[experiment.window :])
     return errors
 
 

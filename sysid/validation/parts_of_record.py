@@ -57,7 +57,12 @@ def compare_parts(estimate: Estimate, experiments: Sequence[IOData]) -> PartsOfR
         count = max(1, round(PARTS * len(experiment) / total))
         ends = [len(experiment) * k // count for k in range(count + 1)]
         for k, (first, end) in enumerate(itertools.pairwise(ends)):
-            parts.append(replace(experiment[first:end], name=f"part {k + 1} of record {number + 1}"))
+            if np.isfinite(experiment.y[first:end]).any(axis=0).all():
+                name = f"part {k + 1} of record {number + 1}"
+                parts.append(replace(experiment[first:end], name=name))
+    if len(parts) < 2:
+        # all outputs are missing elsewhere
+        return PartsOfRecord(float("nan"), len(parts), np.zeros((estimate.model.ny, estimate.model.nu)))
     agreement = homogeneity(estimate, parts)
     half_widths = np.zeros((estimate.model.ny, estimate.model.nu))
     if agreement.p_value < SIGNIFICANT:

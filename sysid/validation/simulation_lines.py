@@ -40,12 +40,18 @@ class Spectra:
 def lines_of_mean_periods(
     experiments: Sequence[IOData], errors: Sequence[FloatArray], groups: Sequence[Repetition]
 ) -> Spectra:
-    """Strong lines of the mean period of every sequence, from errors of an output of each experiment (N_i,)."""
+    """Strong lines of the mean period of every sequence, from errors of an output of each experiment (N_i,).
+
+    Errors may be NaN; the mean is over those that are known.
+    """
     parts = []
     for group in groups:
         dt = experiments[group.starts[0][0]].dt
         inputs = scipy.fft.rfft(group.folded([e.u for e in experiments]).mean(axis=0), axis=0)
-        error = scipy.fft.rfft(group.folded([error[:, None] for error in errors]).mean(axis=0)[:, 0])
+        folded = group.folded([error[:, None] for error in errors])[:, :, 0]
+        known = np.isfinite(folded)
+        mean = np.where(known, folded, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        error = _transform_of_known(mean, np.any(known, axis=0, keepdims=True)[0])
         f = scipy.fft.rfftfreq(group.period, dt)
         # neither 0 Hz nor, of an even period, the Nyquist frequency
         inner = slice(1, (group.period + 1) // 2)
@@ -59,14 +65,36 @@ def lines_of_mean_periods(
     )
 
 
-def p_value_of_common_part(
+def _transform_of_known(signal: FloatArray, known: np.ndarray) -> ComplexArray:
+    """Transform of a signal (N,) of which samples are known or not; noise from the unknown ones, but no less of it."""
+    share = float(np.mean(known))
+    if not share:
+        return np.zeros(len(signal) // 2 + 1, dtype=complex)
+    return np.asarray(scipy.fft.rfft(np.where(known, signal, 0.0)) / share)
+
+
+@dataclass(frozen=True)
+class SequencesCompared:
+    """Errors of a simulation under several sequences, compared: too low an order makes them alike, distortion does not.
+
+    Attributes:
+        p_common: p-value of the hypothesis that the sequences' errors have no response from the input in common.
+        p_alike: p-value of the hypothesis that they differ by no more than noise.
+    """
+
+    p_common: float = float("nan")
+    p_alike: float = float("nan")
+
+
+def compare_sequences(
     experiments: Sequence[IOData], errors: Sequence[FloatArray], groups: Sequence[Repetition]
-) -> float:
-    """p-value of "errors differ from sequence to sequence", as distortion does; too low an order makes them alike.
+) -> SequencesCompared:
+    """Compare the errors under several sequences, line by line of their mean periods.
 
     Of every line the share of the errors' power is taken that one response from the input explains in all sequences.
     If they have nothing in common it has a beta distribution of one and one less than the sequences, whatever the power
-    of the line; the mean of many is about normal.
+    of the line; the mean of many is about normal. What the response leaves is compared with the scatter between the
+    periods, by an F test.
 
     Args:
         experiments: The records, with one input.
@@ -74,10 +102,10 @@ def p_value_of_common_part(
         groups: The sequences.
 
     Returns:
-        The p-value; NaN of a single sequence, several inputs, sequences with different periods or few common lines.
+        The p-values; NaN of a single sequence, several inputs, sequences with different periods or few common lines.
     """
     if len(groups) < 2 or len({group.period for group in groups}) > 1 or experiments[0].nu > 1:
-        return float("nan")
+        return SequencesCompared()
     parts = [lines_of_mean_periods(experiments, errors, [group]) for group in groups]
     together = set(parts[0].frequencies).intersection(*(set(part.frequencies) for part in parts[1:]))
     rows = [np.isin(part.frequencies, sorted(together)) for part in parts]
@@ -87,10 +115,34 @@ def p_value_of_common_part(
     power = np.sum(np.abs(e) ** 2, axis=0)
     shares = common[power > 0.0] / power[power > 0.0]
     if len(shares) < FEWEST_COMMON:
-        return float("nan")
+        return SequencesCompared()
     g = len(groups)
     deviation = np.sqrt((g - 1) / (g**2 * (g + 1)) / len(shares))
-    return float(scipy.stats.norm.sf((shares.mean() - 1.0 / g) / deviation))
+    p_common = float(scipy.stats.norm.sf((shares.mean() - 1.0 / g) / deviation))
+    f = np.array(sorted(together))
+    noise, freedom = _noise_of_means(f * experiments[0].dt * groups[0].period, errors, groups)
+    if not noise.min(initial=np.inf) > 0.0:
+        # without noise nothing is alike by chance
+        return SequencesCompared(p_common, 0.0)
+    ratio = float(np.mean((power - common) / noise)) / (g - 1)
+    return SequencesCompared(p_common, float(scipy.stats.f.sf(ratio, 2.0 * len(f) * (g - 1), freedom)))
+
+
+def _noise_of_means(
+    numbers: FloatArray, errors: Sequence[FloatArray], groups: Sequence[Repetition]
+) -> tuple[FloatArray, float]:
+    """Variance of the noise at lines of a mean period with these numbers (n,), averaged near, and its freedom."""
+    lines = np.round(numbers).astype(int)
+    power, freedom = np.zeros(groups[0].period // 2 + 1), 0.0
+    for group in groups:
+        folded = np.nan_to_num(group.folded([error[:, None] for error in errors])[:, :, 0])
+        deviations = np.abs(scipy.fft.rfft(folded - folded.mean(axis=0), axis=1)) ** 2
+        power += deviations.sum(axis=0) / (group.count - 1) / group.count
+        freedom += 2.0 * (group.count - 1) * len(lines)
+    pool = np.ones(2 * POOLED + 1)
+    within = slice(POOLED, POOLED + len(power))
+    means = np.convolve(power, pool)[within] / np.convolve(np.ones(len(power)), pool)[within]
+    return means[lines] / len(groups), freedom
 
 
 def _strong_lines(f: FloatArray, power: FloatArray) -> np.ndarray:
@@ -194,7 +246,7 @@ def lines_of_bands(
             scipy.fft.rfftfreq(n, experiment.dt)[inner],
             # of unit power per sample, whatever the length of the record
             scipy.fft.rfft(experiment.u, axis=0)[inner] / np.sqrt(n),
-            scipy.fft.rfft(error)[inner] / np.sqrt(n),
+            _transform_of_known(error, np.isfinite(error))[inner] / np.sqrt(n),
         )
         records.append(_output_lines(spectra, estimate, output))
     together = _joined(records)

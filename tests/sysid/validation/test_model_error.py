@@ -165,8 +165,9 @@ def test_two_sequences_tell_distortion_from_too_low_an_order():
         too_low.append(model_error(sysid.oe(data, 1, 1, 1), data, F))
     assert sum("nonlinear distortion, as" in error.reasons[0] for error in distorted) >= 18
     assert sum("the order is too low, as" in error.reasons[0] for error in too_low) >= 18
-    (single,) = model_error(sysid.oe(record(0), 2, 2, 1), record(0), F).p_distortion
-    assert np.isnan(single)
+    (single,) = model_error(sysid.oe(record(0), 2, 2, 1), record(0), F).sequences
+    assert np.isnan(single.p_common)
+    assert np.isnan(single.p_alike)
 
 
 def test_an_input_with_few_lines_or_one_period_says_that_it_cannot_tell():
@@ -225,6 +226,67 @@ def test_windows_missing_outputs_and_operating_points():
     estimate = sysid.oe(gapped, 1, 1, 1, offset=True)
     error = model_error(estimate, gapped, HZ)
     assert holds(error.interval, gain(TRUE_B, TRUE_A, HZ)).all()
+
+
+@pytest.mark.parametrize("pattern", ["at random", "a block"])
+@pytest.mark.parametrize("periods", [1, 5])
+def test_missing_outputs_do_not_make_errors_smaller(pattern, periods):
+    held, alone = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        u = np.tile(rng.choice([-1.0, 1.0], 1500 // periods), periods)
+        y = lfilter(TRUE_B, TRUE_A, u) + 0.02 * rng.standard_normal(1500)
+        if pattern == "a block":
+            y[400:1000] = np.nan
+        else:
+            y[rng.random(1500) < 0.4] = np.nan
+        data = IOData(u, y, DT, missing=True)
+        error = model_error(sysid.oe(data, 1, 1, 1), data, HZ)
+        held.append(holds(error.interval, gain(TRUE_B, TRUE_A, HZ)))
+        alone.append(holds(error.noise_alone, gain(TRUE_B, TRUE_A, HZ)))
+    assert np.mean(held) >= 0.9
+    assert np.mean(alone) < 0.6
+
+
+def test_beside_an_input_that_repeats_another_does_not():
+    held = []
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        u = np.column_stack((np.tile(rng.choice([-1.0, 1.0], 300), 5), rng.choice([-1.0, 1.0], 1500)))
+        other = lfilter([0.0, 0.05, 0.05], [1.0, -1.2, 0.5], u[:, 0])
+        y = other + lfilter(TRUE_B, TRUE_A, u[:, 1]) + 0.02 * rng.standard_normal(1500)
+        data = IOData(u, y, DT)
+        error = model_error(sysid.oe(data, [2, 1], [2, 1], [1, 1]), data, HZ)
+        assert error.is_wider.all()
+        low, high = (end[:, 0, 1] for end in error.interval)
+        held.append((low <= gain(TRUE_B, TRUE_A, HZ)) & (gain(TRUE_B, TRUE_A, HZ) <= high))
+    assert np.mean(held) >= 0.9
+
+
+def test_errors_that_are_small_at_every_line_show_in_bands():
+    shown, held = [], []
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        u = np.tile(rng.choice([-1.0, 1.0], 300), 5)
+        data = IOData(u, lfilter(TRUE_B, TRUE_A, u) + rng.standard_normal(1500), DT)
+        error = model_error(sysid.oe(data, 1, 1, 1), data, HZ)
+        shown.append(error.is_wider[0])
+        held.append(holds(error.interval, gain(TRUE_B, TRUE_A, HZ)))
+    assert np.mean(shown) > 0.7
+    assert np.mean(held) >= 0.85
+
+
+def test_two_sequences_of_a_linear_system_with_noise_show_no_distortion():
+    reasons = []
+    for seed in range(25):
+        rng = np.random.default_rng(seed)
+        data = []
+        for _ in range(2):
+            u = np.tile(rng.choice([-1.0, 1.0], 300), 4)
+            data.append(IOData(u, lfilter(TRUE_B, TRUE_A, u) + 0.5 * rng.standard_normal(1200), DT))
+        reasons += model_error(sysid.oe(data, 1, 1, 1), data, HZ).reasons
+    assert sum("nonlinear distortion, as" in reason for reason in reasons) <= 1
+    assert sum("the order is too low" in reason for reason in reasons) > 20
 
 
 def test_sines_tell_no_distortion_from_order():
