@@ -6,7 +6,7 @@ noise and nonlinear distortion, which is rough because the phases of the lines a
 the data, by their marginal likelihood [Rasmussen2006, ch. 5].
 """
 
-import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +15,8 @@ import scipy
 from sysid.records.arrays import ComplexArray, FloatArray
 
 OCTAVES = 1.2  # over which the error of a response changes: the width of a pair of poles beside a pair of zeros
-# tried besides where the rough part is known apart: a response beside a resonance changes faster
-FEWER_OCTAVES = (0.4, 0.7)
+NARROWER = (0.15, 0.4)  # tried besides: a response beside a resonance that the model lacks changes faster
+UNLIKELY = 1e-3  # probability of a width that is left out
 SIZES = tuple(
     10.0 ** np.arange(-2.0, 5.0)
 )  # variances of the smooth part, over those of the rough part, that are tried
@@ -130,23 +130,70 @@ class _Whitened:
     log_root: float
 
 
-def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hypotheses:
+def posterior(
+    lines: Lines,
+    frequency: float,
+    sensitivities: ComplexArray,
+    widths: Sequence[tuple[float, float]] = ((OCTAVES, 1.0),),
+) -> Hypotheses:
     """Posterior of the relative error at a frequency.
 
     Args:
         lines: The lines about it.
         frequency: Hz, above 0.
         sensitivities: Relative change of the response of each path per parameter direction there (nu, p).
+        widths: Octaves over which the smooth part may change there, and their probabilities.
     """
     scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
+    freedom = _freedom(lines)
+    weights, means, covariances = [], [], []
+    for octaves, probability in widths:
+        logarithms, of_means, of_covariances = _hypotheses(lines, frequency, sensitivities, octaves, scale)
+        relative = np.exp(logarithms - logarithms.max())
+        weights.append(probability * relative / relative.sum())
+        means.append(of_means)
+        covariances.append(of_covariances)
+    weight = np.concatenate(weights)
+    kept = weight > NEGLIGIBLE * weight.sum()
+    return Hypotheses(
+        weight[kept] / weight[kept].sum(), np.concatenate(means)[kept], np.concatenate(covariances)[kept], freedom
+    )
+
+
+def width_probabilities(lines: Lines, frequency: float) -> list[tuple[float, float]]:
+    """Octaves over which the smooth part of the errors changes about a frequency, and their probabilities.
+
+    Lines near the frequency tell: beside a resonance that the model lacks the error changes faster than elsewhere.
+    """
+    nowhere = np.zeros((lines.inputs.shape[1], lines.sensitivities.shape[1]), dtype=complex)
+    scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
+    tried = (*NARROWER, OCTAVES)
+    likelihoods = np.array(
+        [scipy.special.logsumexp(_hypotheses(lines, frequency, nowhere, octaves, scale)[0]) for octaves in tried]
+    )
+    probabilities = np.exp(likelihoods - likelihoods.max())
+    probabilities /= probabilities.sum()
+    return [pair for pair in zip(tried, probabilities.tolist(), strict=True) if pair[1] > UNLIKELY]
+
+
+def _freedom(lines: Lines) -> float:
+    """Degrees of freedom of the common scale."""
+    basis, _ = _orthonormal(_stacked(lines.sensitivities))
+    return 2.0 * len(lines) - basis.shape[1] + lines.freedom
+
+
+def _hypotheses(
+    lines: Lines, frequency: float, sensitivities: ComplexArray, octaves: float, scale: float
+) -> tuple[FloatArray, ComplexArray, FloatArray]:
+    """Log likelihoods (m,), means (m, nu) and covariances (m, nu, 2, 2) of all shapes and sizes, of one width."""
     basis, to_basis = _orthonormal(_stacked(lines.sensitivities))
     at_frequency = np.stack((sensitivities.real, sensitivities.imag), axis=1) @ to_basis
-    freedom = 2.0 * len(lines) - basis.shape[1] + lines.freedom
+    freedom = _freedom(lines)
+    prior, cross = _prior(lines, frequency, scale, octaves)
     # shapes of an unknown variance are about one
     rough = 1.0 if lines.variances is None else float(np.exp(np.mean(np.log(lines.variances))))
     logarithms, means, covariances = [], [], []
-    priors = [_prior(lines, frequency, scale, octaves) for octaves in _widths(lines)]
-    for variances, (prior, cross) in itertools.product(_shapes(lines, frequency), priors):
+    for variances in _shapes(lines, frequency):
         whitened = _whiten(lines, basis, variances, prior, cross)
         for size in (0.0, *(rough * ratio for ratio in SIZES)):
             logarithm, mean, covariance = _at_size(whitened, size, scale, at_frequency, lines.freedom, freedom)
@@ -156,10 +203,7 @@ def posterior(lines: Lines, frequency: float, sensitivities: ComplexArray) -> Hy
             logarithms.append(logarithm)
             means.append(mean)
             covariances.append(covariance)
-    weights = np.exp(np.array(logarithms) - max(logarithms))
-    kept = weights > NEGLIGIBLE * weights.sum()
-    weights = weights[kept] / weights[kept].sum()
-    return Hypotheses(weights, np.array(means)[kept], np.array(covariances)[kept], freedom)
+    return np.array(logarithms), np.array(means), np.array(covariances)
 
 
 def _prior(lines: Lines, frequency: float, scale: float, octaves: float) -> tuple[FloatArray, FloatArray]:
@@ -244,11 +288,6 @@ def _smooth_covariance(
     product = inputs @ other_inputs.conj().T
     real, imaginary = kernel * product.real, kernel * product.imag
     return np.block([[real, -imaginary], [imaginary, real]])
-
-
-def _widths(lines: Lines) -> tuple[float, ...]:
-    """Octaves over which the smooth part changes that are tried."""
-    return (OCTAVES,) if lines.variances is None else (*FEWER_OCTAVES, OCTAVES)
 
 
 def _shapes(lines: Lines, frequency: float) -> list[FloatArray]:

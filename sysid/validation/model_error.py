@@ -19,7 +19,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
 from sysid.records.repetition import LEAST_SHARE, STILL, Repetition
-from sysid.validation.misfit_posterior import Hypotheses, Lines, posterior
+from sysid.validation.misfit_posterior import OCTAVES, Hypotheses, Lines, posterior, width_probabilities
 from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
 from sysid.validation.simulation_lines import (
     SequencesCompared,
@@ -33,6 +33,8 @@ from sysid.validation.simulation_lines import (
 FEWEST = 12  # lines about a frequency that tell noise and distortion from the error of the response
 BESIDE_PARAMETERS = 6  # lines beyond the number of parameters
 REACH = 8.0  # ratio of frequencies within which lines count all the same
+BESIDE = 2.0  # ratio within which lines tell how fast the error changes
+MOST_LINES = 200  # about a frequency: the time grows with their third power
 ANCHORS = 24  # frequencies at which the posterior is computed, at most; between them it is interpolated
 LOWEST, HIGHEST = 0.025, 0.975  # probabilities at the ends of a 95 % interval
 LARGEST_STEP = 1.2  # ratio of neighbouring frequencies between which a gain is interpolated
@@ -417,7 +419,8 @@ def _log_intervals(lines: Lines, estimate: Estimate, output: int, f: FloatArray)
     changes = response_changes(estimate, anchors, output) / g[:, :, None]
     ends = np.empty((len(anchors), nu, 2))
     for k, frequency in enumerate(anchors):
-        hypotheses = posterior_at(lines, float(frequency), changes[k])
+        widths = width_probabilities(_lines_about(lines, float(frequency), BESIDE), float(frequency))
+        hypotheses = posterior_at(lines, float(frequency), changes[k], widths)
         for j in range(nu):
             ends[k, j] = [hypotheses.log_gain_quantile(j, probability) for probability in (LOWEST, HIGHEST)]
     logarithm = np.log(np.maximum(f, anchors[0]))
@@ -432,18 +435,28 @@ def lines_needed(lines: Lines) -> int:
     return max(FEWEST, lines.sensitivities.shape[1] + BESIDE_PARAMETERS)
 
 
-def posterior_at(lines: Lines, frequency: float, changes: np.ndarray) -> Hypotheses:
+def posterior_at(
+    lines: Lines, frequency: float, changes: np.ndarray, widths: Sequence[tuple[float, float]] = ((OCTAVES, 1.0),)
+) -> Hypotheses:
     """Posterior of the relative error at a frequency in Hz from the lines about it.
 
     Args:
         lines: As many as `lines_needed` or more.
         frequency: Hz, above 0.
         changes: Relative change of the response of each path per parameter direction there (nu, p).
+        widths: Octaves over which the error of the response may change, and their probabilities.
     """
+    return posterior(_lines_about(lines, frequency, REACH), frequency, changes, widths)
+
+
+def _lines_about(lines: Lines, frequency: float, reach: float) -> Lines:
+    """Lines within a ratio of a frequency; no fewer than are needed, and at most `MOST_LINES`."""
     distance = np.abs(np.log(lines.frequencies / frequency))
-    chosen = distance <= np.log(REACH)
-    chosen[np.argsort(distance, kind="stable")[: lines_needed(lines)]] = True
-    return posterior(lines.chosen(np.flatnonzero(chosen)), frequency, changes)
+    nearest = np.argsort(distance, kind="stable")
+    chosen = distance <= np.log(reach)
+    chosen[nearest[: lines_needed(lines)]] = True
+    chosen[nearest[max(MOST_LINES, lines_needed(lines)) :]] = False
+    return lines.chosen(np.flatnonzero(chosen))
 
 
 def _anchors(f: FloatArray, of_lines: FloatArray) -> FloatArray:

@@ -16,7 +16,7 @@ from sysid.validation.misfit_posterior import Lines
 STRONG = 0.05  # power of a line, relative to the strongest near it, from which on it tells anything of the response
 NEAR = 1.5  # ratio of frequencies within which lines are neighbours
 AUDIBLE = 1e-3  # power of a line, relative to the strongest of all, likewise
-BAND = 2.0 ** (1 / 6)  # ratio of the ends of a band over which a response hardly changes
+BAND = 2.0 ** (1 / 12)  # ratio of the ends of a band over which a response hardly changes
 POOLED = 3  # bands on either side over which the variance of the noise is averaged
 FEWEST_COMMON = 10  # lines of all sequences that tell what they have in common
 SPARE = 7  # lines of a band beyond those that its response takes: they show the noise
