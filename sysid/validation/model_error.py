@@ -22,6 +22,7 @@ from sysid.records.repetition import LEAST_SHARE, STILL, Repetition
 from sysid.validation.misfit_posterior import OCTAVES, Hypotheses, Lines, posterior, width_probabilities
 from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
 from sysid.validation.simulation_lines import (
+    NARROW_BAND,
     SequencesCompared,
     compare_sequences,
     lines_of_bands,
@@ -322,7 +323,10 @@ def _errors_of_output(
         return _OutputErrors(relative_lines(spectra, estimate, output), repeated.p_value, repeated, compared)
     # bands show errors that are small at every single line of a period
     bands = lines_of_bands(experiments, errors, estimate, output)
-    return _OutputErrors(bands, _p_value_of_bands(bands), repeated, SequencesCompared())
+    p_value = _p_value_of_bands(bands)
+    if p_value < LEVEL:
+        bands = lines_of_bands(experiments, errors, estimate, output, NARROW_BAND)
+    return _OutputErrors(bands, p_value, repeated, SequencesCompared())
 
 
 def _every_input_repeats(experiments: Sequence[IOData], groups: Sequence[Repetition]) -> bool:

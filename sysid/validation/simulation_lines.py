@@ -16,7 +16,8 @@ from sysid.validation.misfit_posterior import Lines
 STRONG = 0.05  # power of a line, relative to the strongest near it, from which on it tells anything of the response
 NEAR = 1.5  # ratio of frequencies within which lines are neighbours
 AUDIBLE = 1e-3  # power of a line, relative to the strongest of all, likewise
-BAND = 2.0 ** (1 / 12)  # ratio of the ends of a band over which a response hardly changes
+BAND = 2.0 ** (1 / 6)  # ratio of the ends of a band over which a response hardly changes
+NARROW_BAND = 2.0 ** (1 / 12)  # likewise where resonances are to show
 POOLED = 3  # bands on either side over which the variance of the noise is averaged
 FEWEST_COMMON = 10  # lines of all sequences that tell what they have in common
 SPARE = 7  # lines of a band beyond those that its response takes: they show the noise
@@ -225,7 +226,7 @@ def relative_lines(spectra: Spectra, estimate: Estimate, output: int) -> Lines:
 
 
 def lines_of_bands(
-    experiments: Sequence[IOData], errors: Sequence[FloatArray], estimate: Estimate, output: int
+    experiments: Sequence[IOData], errors: Sequence[FloatArray], estimate: Estimate, output: int, width: float = BAND
 ) -> Lines:
     """Errors over bands of whole records, each band reduced to as many lines as there are inputs.
 
@@ -237,6 +238,7 @@ def lines_of_bands(
         errors: Errors of an output of each (N_i,).
         estimate: The model.
         output: Number of the output.
+        width: Ratio of the ends of a band.
     """
     records = []
     for experiment, error in zip(experiments, errors, strict=True):
@@ -254,7 +256,7 @@ def lines_of_bands(
     reduced: list[_OutputLines] = []
     squares: list[float] = []
     spares: list[int] = []
-    for first, end in _bands(together.frequencies, estimate.model.nu):
+    for first, end in _bands(together.frequencies, estimate.model.nu, width):
         band, of_noise = _reduced(together.rows(slice(first, end)))
         reduced.append(band)
         squares.append(of_noise)
@@ -273,12 +275,12 @@ def lines_of_bands(
     return lines.relative(per_line, 2.0 * float(sum(spares))).chosen(strong)
 
 
-def _bands(f: FloatArray, nu: int) -> list[tuple[int, int]]:
+def _bands(f: FloatArray, nu: int, width: float) -> list[tuple[int, int]]:
     """First and end row of each band of rising frequencies (n,)."""
     bands = []
     first = 0
     while len(f) - first >= nu + SPARE:
-        end = max(int(np.searchsorted(f, f[first] * BAND)), first + nu + SPARE)
+        end = max(int(np.searchsorted(f, f[first] * width)), first + nu + SPARE)
         # a last band that is too short joins the one before it
         if len(f) - end < nu + SPARE:
             end = len(f)
