@@ -19,6 +19,10 @@ from sysid.records.repetition import LEAST_SHARE, repetitions, unrepeated_share
 
 LARGEST_GRID = 400  # frequencies estimated at if none are given, at most
 SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
+ADDED = 2  # degree of the denominators that show whether polynomials suffice
+BESIDE = (-1.5, -1.0, 0.0, 1.0, 1.5)  # half widths of a window beside a frequency at which that is tested
+MOST_TESTED = 40  # frequencies at which that is tested, at most
+SIGNIFICANT = 0.01  # p-value, of all frequencies together
 DEPENDENT = (
     1e-8  # singular value of the scaled regressors, relative to the largest, of a response that is not determined
 )
@@ -66,7 +70,7 @@ def lpm(
 
     Warns:
         SysidWarning: No frequency at which the inputs determine the response; a given period with which the inputs do
-            not repeat.
+            not repeat; a response that changes faster than polynomials follow, as beside a lightly damped resonance.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
@@ -93,6 +97,7 @@ def lpm(
     else:
         f = checked_frequencies(frequencies, first.dt, zero=False)
     response, variance, noise = local.solve_all(f, width)
+    warn_each(_fast_changes(local, f, width))
     if not np.isfinite(response).any():
         warnings.warn(
             f"the inputs do not determine the response at any of the {len(f)} frequencies: they have no power there, "
@@ -265,23 +270,9 @@ class _LocalFit:
 
         None where the inputs do not determine the response.
         """
-        powers = np.arange(self.degree + 1)
+        phi, y, distances = self._regression(frequency, width)
         nu, ny = self.records[0].inputs.shape[1], self.records[0].outputs.shape[1]
         count = self.degree + 1
-        # the polynomial of the response, which all experiments share, needs one scale of frequency
-        reach = max(float(record.frequencies[width] - record.frequencies[0]) for record in self.records)
-        regressors, outputs, distances = [], [], []
-        for k, record in enumerate(self.records):
-            rows = _window(record.frequencies, frequency, width)
-            r = (record.frequencies[rows] - frequency) / reach
-            terms = r[:, None] ** powers
-            of_response = record.inputs[rows][:, :, None] * terms[:, None, :]
-            of_transients = np.zeros((len(r), len(self.records), count))
-            of_transients[:, k] = terms
-            regressors.append(np.hstack((of_response.reshape(len(r), -1), of_transients.reshape(len(r), -1))))
-            outputs.append(record.outputs[rows])
-            distances.append(r)
-        phi, y = np.vstack(regressors), np.vstack(outputs)
         response = np.empty((ny, nu), dtype=complex)
         gram_diagonal = np.empty((ny, nu))
         errors = np.empty_like(y)
@@ -290,9 +281,7 @@ class _LocalFit:
         for i in range(ny):
             columns = phi
             if self.denominator:
-                # of a common denominator: Y = N U + T - (D - 1) Y
-                from_output = -y[:, [i]] * np.concatenate(distances)[:, None] ** np.arange(1, self.denominator + 1)
-                columns = np.hstack((phi, from_output))
+                columns = np.hstack((phi, _of_denominator(y[:, i], distances, self.denominator)))
             lengths = np.linalg.norm(columns, axis=0)
             if (lengths[places] == 0.0).any():
                 return None
@@ -309,6 +298,85 @@ class _LocalFit:
             gram_diagonal[i] = np.sum(np.abs(inverse[places]) ** 2, axis=1)
         noise = errors.T @ errors.conj() / self.spare(width)
         return response, gram_diagonal * noise.diagonal().real[:, None], noise
+
+    def _regression(self, frequency: float, width: int) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Regressors (n, p) of response and transients, outputs (n, ny) and scaled distances (n,) of lines near."""
+        powers = np.arange(self.degree + 1)
+        count = self.degree + 1
+        # the polynomial of the response, which all experiments share, needs one scale of frequency
+        reach = max(float(record.frequencies[width] - record.frequencies[0]) for record in self.records)
+        regressors, outputs, distances = [], [], []
+        for k, record in enumerate(self.records):
+            rows = _window(record.frequencies, frequency, width)
+            r = (record.frequencies[rows] - frequency) / reach
+            terms = r[:, None] ** powers
+            of_response = record.inputs[rows][:, :, None] * terms[:, None, :]
+            of_transients = np.zeros((len(r), len(self.records), count))
+            of_transients[:, k] = terms
+            regressors.append(np.hstack((of_response.reshape(len(r), -1), of_transients.reshape(len(r), -1))))
+            outputs.append(record.outputs[rows])
+            distances.append(r)
+        return np.vstack(regressors), np.vstack(outputs), np.concatenate(distances)
+
+    def p_of_polynomials(self, frequency: float, width: int) -> float:
+        """Least p-value of an output of the hypothesis that polynomials suffice, and denominators explain nothing."""
+        phi, y, distances = self._regression(frequency, width)
+        basis = _orthonormal_basis(phi)
+        least = 1.0
+        for i in range(y.shape[1]):
+            # the output without noise, which would explain itself
+            fitted = basis @ (basis.conj().T @ y[:, i])
+            whole = np.hstack((phi, _of_denominator(fitted, distances, ADDED)))
+            rational = _orthonormal_basis(whole)
+            freedom, added = len(y) - rational.shape[1], rational.shape[1] - basis.shape[1]
+            if freedom < ADDED or added < 1:
+                continue
+            left = _squares_left(basis, y[:, i])
+            explained = left - _squares_left(rational, y[:, i])
+            ratio = explained / added / max((left - explained) / freedom, np.finfo(float).tiny)
+            # complex equations and unknowns count twice
+            least = min(least, float(scipy.stats.f.sf(ratio, 2 * added, 2 * freedom)) * y.shape[1])
+        return least
+
+
+def _of_denominator(y: ComplexArray, distances: FloatArray, degree: int) -> ComplexArray:
+    """Regressors (n, degree) of a common denominator: Y = N U + T - (D - 1) Y."""
+    return np.asarray(-y[:, None] * distances[:, None] ** np.arange(1, degree + 1))
+
+
+def _orthonormal_basis(columns: ComplexArray) -> ComplexArray:
+    """Orthonormal basis (n, r) of what columns (n, p) span beyond rounding."""
+    lengths = np.linalg.norm(columns, axis=0)
+    left, values, _ = np.linalg.svd(columns / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
+    return np.asarray(left[:, values > DEPENDENT * max(values[0], np.finfo(float).tiny)])
+
+
+def _squares_left(basis: ComplexArray, y: ComplexArray) -> float:
+    """Sum of squares of a signal (n,) beyond what a basis (n, r) explains."""
+    return float(np.sum(np.abs(y - basis @ (basis.conj().T @ y)) ** 2))
+
+
+def _fast_changes(local: _LocalFit, f: FloatArray, width: int) -> list[str]:
+    """Warn where denominators explain what polynomials leave: the response changes faster than these follow."""
+    if local.denominator:
+        return []
+    asked = f if len(f) <= MOST_TESTED else f[np.linspace(0, len(f) - 1, MOST_TESTED).astype(int)]
+    lines = local.records[0].frequencies
+    # a window that has the resonance at its end shows more of it than one about it
+    apart = width * float(lines[1] - lines[0]) * np.array(BESIDE)
+    centres = np.unique(np.clip(asked[:, None] + apart, lines[0], lines[-1]))
+    p_values = np.array([local.p_of_polynomials(float(centre), width) for centre in centres])
+    least = p_values < SIGNIFICANT / len(centres)
+    near = np.abs(asked[:, None] - centres) <= 1.01 * apart.max()
+    fast = asked[(near & least).any(axis=1)]
+    if not len(fast):
+        return []
+    where = f"at {fast[0]:.3g} Hz" if len(fast) == 1 else f"from {fast[0]:.3g} to {fast[-1]:.3g} Hz"
+    return [
+        f"the response changes faster {where} than polynomials over {2 * width + 1} lines follow, as beside a lightly "
+        "damped resonance: its values there may be wrong by more than their deviations say; denominator=2 follows it, "
+        "and a longer record or period has closer lines"
+    ]
 
 
 def _window(f: FloatArray, frequency: float, width: int) -> slice:

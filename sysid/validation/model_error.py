@@ -19,6 +19,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
 from sysid.records.repetition import LEAST_SHARE, STILL, Repetition
+from sysid.validation.feedback import feedback
 from sysid.validation.misfit_posterior import OCTAVES, Hypotheses, Lines, posterior, width_probabilities
 from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
 from sysid.validation.simulation_lines import (
@@ -35,6 +36,7 @@ FEWEST = 12  # lines about a frequency that tell noise and distortion from the e
 BESIDE_PARAMETERS = 6  # lines beyond the number of parameters
 REACH = 8.0  # ratio of frequencies within which lines count all the same
 BESIDE = 2.0  # ratio within which lines tell how fast the error changes
+FEEDBACK = 1e-3  # p-value below which feedback is told
 MOST_LINES = 200  # about a frequency: the time grows with their third power
 ANCHORS = 24  # frequencies at which the posterior is computed, at most; between them it is interpolated
 LOWEST, HIGHEST = 0.025, 0.975  # probabilities at the ends of a 95 % interval
@@ -60,6 +62,8 @@ class ModelError(Locked):
         sequences: Errors under several sequences, compared: whether they are alike, as too low an order makes them, or
             differ, as distortion does, per output.
         parts: Gains of the parts of records without repetition, compared; None of records that repeat.
+        p_feedback: Least p-value of "the inputs do not depend on past outputs", where noise explains the errors; NaN
+            where it is not tested.
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
         input_names: One name per input.
         output_names: One name per output.
@@ -74,6 +78,7 @@ class ModelError(Locked):
     repeated: tuple[RepeatedErrors | None, ...]
     sequences: tuple[SequencesCompared, ...]
     parts: PartsOfRecord | None
+    p_feedback: float
     strong_line: float
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
@@ -150,7 +155,14 @@ class ModelError(Locked):
                 f"lines for it, {needed} are needed; {more} would have them"
             )
         if p_value >= LEVEL:
-            return f"{name}: noise alone may make the errors of the simulation (p = {p_value:.2g})"
+            text = f"{name}: noise alone may make the errors of the simulation (p = {p_value:.2g})"
+            if self.p_feedback < FEEDBACK:
+                text += (
+                    f", but the input depends on past outputs (p = {self.p_feedback:.2g}): under feedback they do not "
+                    "show whether noise moved the model, as it moves `oe` and `okid`; `armax` or `bj` with a right "
+                    "model of the noise are not moved"
+                )
+            return text
         if repeated is None or not repeated.is_significant:
             return (
                 f"{name}: noise does not explain the errors of the simulation (p = {p_value:.2g}): the order is too "
@@ -215,7 +227,9 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
 
     The best linear system is the one that is nearest to the true one, in mean square, under inputs of the spectrum and
     amplitude of this record [Pintelon2012, ch. 3]; at other amplitudes it is another one. Distortion that changes
-    smoothly from line to line, as under a slow sweep, cannot be seen in one sequence.
+    smoothly from line to line, as under a slow sweep, cannot be seen in one sequence. Nor does the simulation show what
+    feedback does to a model (`reasons` say where there is some), and at the peak of a lightly damped resonance that the
+    model lacks the interval falls short.
 
     Args:
         estimate: A stable model with the covariance of its parameters.
@@ -286,6 +300,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         repeated=tuple(output.repeated for output in outputs),
         sequences=tuple(output.sequences for output in outputs),
         parts=parts,
+        p_feedback=_p_of_feedback(scored) if any(output.p_value >= LEVEL for output in outputs) else float("nan"),
         strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
@@ -327,6 +342,17 @@ def _errors_of_output(
     if p_value < LEVEL:
         bands = lines_of_bands(experiments, errors, estimate, output, NARROW_BAND)
     return _OutputErrors(bands, p_value, repeated, SequencesCompared())
+
+
+def _p_of_feedback(experiments: Sequence[IOData]) -> float:
+    """Least p-value of no feedback to any input; NaN where it cannot be tested."""
+    try:
+        p_values = feedback(experiments).p_values
+    except SysidError:
+        # outputs are missing, or the records are too short
+        return float("nan")
+    known = p_values[np.isfinite(p_values)]
+    return float(known.min()) if len(known) else float("nan")
 
 
 def _every_input_repeats(experiments: Sequence[IOData], groups: Sequence[Repetition]) -> bool:

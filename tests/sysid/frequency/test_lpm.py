@@ -138,3 +138,24 @@ def test_refusals():
     refused("fewer than a period of 300", lpm, data, period=300)
     refused("Nyquist", lpm, data, [30.0])
     refused("constant", lpm, IOData(np.ones(100), np.ones(100), DT))
+
+
+def test_a_resonance_between_coarse_lines_is_warned_of():
+    b, a = resonance(3.0, 0.99)
+    rng = np.random.default_rng(0)
+    u = np.tile(rng.standard_normal(500), 7)
+    y = lfilter(b, a, u)
+    y = y + 0.02 * np.std(y) * rng.standard_normal(len(u))
+    data = IOData(u[500:], y[500:], DT)
+    with pytest.warns(sysid.SysidWarning, match="the response changes faster .* denominator=2 follows it"):
+        polynomials = lpm(data, [3.0])
+    rational = lpm(data, [3.0], denominator=2)
+    truth = response(3.0, b, a)
+    assert abs(polynomials.response.item() / truth - 1.0) > 0.2
+    assert abs(rational.response.item() / truth - 1.0) < 0.1
+
+
+def test_noise_and_smooth_responses_are_not_warned_of(recwarn):
+    for seed in range(20):
+        lpm(record(seed, 3000, noise=0.5), HZ)
+    assert not recwarn.list

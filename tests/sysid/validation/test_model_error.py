@@ -289,6 +289,26 @@ def test_two_sequences_of_a_linear_system_with_noise_show_no_distortion():
     assert sum("the order is too low" in reason for reason in reasons) > 20
 
 
+def test_feedback_is_told_where_noise_may_make_the_errors():
+    explained = 0
+    for seed in range(10):
+        rng = np.random.default_rng(seed)
+        reference = np.repeat(rng.choice([-1.0, 1.0], 500), 3)
+        v = lfilter([1.0], [1.0, -0.9], 0.1 * rng.standard_normal(1500))
+        u, x = np.zeros((2, 1500))
+        for t in range(2, 1500):
+            x[t] = 0.1 * u[t - 1] + 0.05 * u[t - 2] + 1.4 * x[t - 1] - 0.55 * x[t - 2]
+            u[t] = 1.5 * (reference[t] - x[t] - v[t])
+        data = IOData(u, x + v, DT)
+        error = model_error(sysid.oe(data, 2, 2, 1), data, HZ)
+        if not error.is_wider[0]:
+            explained += 1
+            assert "the input depends on past outputs" in error.reasons[0]
+    assert explained > 2
+    openly = linear_record(0)
+    assert "depends on past outputs" not in model_error(sysid.oe(openly, 2, 2, 1), openly, HZ).reasons[0]
+
+
 def test_sines_tell_no_distortion_from_order():
     t = np.arange(3000) * DT
     u = np.sin(2.0 * np.pi * t) + np.sin(4.0 * np.pi * t)
