@@ -586,11 +586,11 @@ def gains_with_error(fitted: FittedModel) -> ModelError | None:
     line = lowest_strong_line([part.scored for part in parts])
     highest = max(excited_band(part, input=j)[1] for part in parts for j in range(part.nu))
     nyquist = 0.5 / parts[0].dt
-    # Below the line, a bandwidth relative to 0 Hz may lie; from it on, one relative to the gain there.
-    lowest, highest = BELOW * line, max(highest, 2.0 * line)
+    of_claims = [claim.hz for claims in fitted.claims for claim in claims if np.isfinite(claim.hz)]
+    # Below the line, a bandwidth relative to 0 Hz may lie; from it on, one relative to the gain there, or claimed ones.
+    lowest, highest = BELOW * line, min(max(highest, 2.0 * line, *of_claims), nyquist)
     # A wide band needs more, so that none of them is too far from the next for a bandwidth between them.
     over_band = np.geomspace(lowest, highest, max(GRID, round(np.log(highest / lowest) / np.log(WIDEST_STEP))))
-    of_claims = [claim.hz for claims in fitted.claims for claim in claims if np.isfinite(claim.hz)]
     frequencies = np.unique(np.minimum([0.0, line, *over_band, *of_claims], nyquist))
     with suppress(SysidError), warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)

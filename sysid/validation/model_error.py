@@ -266,25 +266,11 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         )
     errors = simulation_errors(estimate, experiments)
     scored = [e.scored for e in experiments]
-    ny, nu = estimate.model.ny, estimate.model.nu
+    ny = estimate.model.ny
     gain = np.abs(estimate.realise(estimate.parameters).frequency_response(f))
     noise_alone = _interval_of_parameters(as_if_errors_were_independent(estimate), f)
-    low, high = _interval_of_parameters(estimate, f)
     outputs = [_errors_of_output(estimate, scored, [error[:, i] for error in errors], i) for i in range(ny)]
-    for i, output in enumerate(outputs):
-        if np.isnan(output.p_value):
-            # nothing is said in place of the intervals of the parameters, which noise alone would make
-            low[:, i] = high[:, i] = np.nan
-        if not output.p_value < LEVEL:
-            continue
-        with_error = _log_intervals(output.lines, estimate, i, f)
-        for j in range(nu):
-            below, above = gain[:, i, j] * np.exp(with_error[:, j].T)
-            # the interval holds that of the parameters, whatever the lines say of its error
-            low[:, i, j] = np.fmin(np.minimum(below, gain[:, i, j]), low[:, i, j])
-            high[:, i, j] = np.fmax(np.maximum(above, gain[:, i, j]), high[:, i, j])
-            unknown = ~np.isfinite(below)
-            low[unknown, i, j] = high[unknown, i, j] = np.nan
+    low, high = _interval(estimate, gain, outputs, f)
     parts = None
     if all(output.repeated is None for output in outputs):
         parts = compare_parts(estimate, scored)
@@ -365,6 +351,28 @@ def _every_input_repeats(experiments: Sequence[IOData], groups: Sequence[Repetit
         if np.any(moves & (within > (1.0 - LEAST_SHARE) * total)):
             return False
     return True
+
+
+def _interval(
+    estimate: Estimate, gain: FloatArray, outputs: Sequence[_OutputErrors], f: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Ends of the interval of gains (nf, ny, nu) with distortion and order, NaN where lines are too few to tell."""
+    low, high = _interval_of_parameters(estimate, f)
+    for i, output in enumerate(outputs):
+        if np.isnan(output.p_value):
+            # nothing is said in place of the intervals of the parameters, which noise alone would make
+            low[:, i] = high[:, i] = np.nan
+        if not output.p_value < LEVEL:
+            continue
+        with_error = _log_intervals(output.lines, estimate, i, f)
+        for j in range(estimate.model.nu):
+            below, above = gain[:, i, j] * np.exp(with_error[:, j].T)
+            # the interval holds that of the parameters, whatever the lines say of its error
+            low[:, i, j] = np.fmin(np.minimum(below, gain[:, i, j]), low[:, i, j])
+            high[:, i, j] = np.fmax(np.maximum(above, gain[:, i, j]), high[:, i, j])
+            unknown = ~np.isfinite(below)
+            low[unknown, i, j] = high[unknown, i, j] = np.nan
+    return low, high
 
 
 def as_if_errors_were_independent(estimate: Estimate) -> Estimate:
