@@ -91,7 +91,7 @@ class ModelError(Locked):
     @property
     def _changes(self) -> np.ndarray:
         """Whether the gain of a path changes from part to part of the records (ny, nu)."""
-        return np.zeros(self.gain.shape[1:], dtype=bool) if self.parts is None else self.parts.log_half_widths > 0.0
+        return np.zeros(self.gain.shape[1:], dtype=bool) if self.parts is None else self.parts.half_widths > 0.0
 
     @property
     def reasons(self) -> tuple[str, ...]:
@@ -102,8 +102,9 @@ class ModelError(Locked):
             if self.parts is not None and self._changes[i].any() and np.isfinite(self.interval[0][:, i]).any():
                 text += (
                     f"; the gain differs between the {self.parts.count} parts of the records "
-                    f"(p = {self.parts.p_value:.2g}), as that of a nonlinearity does under a changing power, or of a "
-                    "plant that changes: the interval counts their scatter, and more or longer records narrow it"
+                    f"(p = {self.parts.p_value:.2g}), as that of a nonlinearity does under a changing power, of a "
+                    "plant that changes, or of a model that is too simple: the interval counts their scatter, and more "
+                    "or longer records narrow it"
                 )
             texts.append(text)
         return tuple(texts)
@@ -275,7 +276,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     if all(output.repeated is None for output in outputs):
         parts = compare_parts(estimate, scored)
         if parts.differ:
-            low, high = _with_scatter(gain, low, high, parts.log_half_widths)
+            low, high = _with_scatter(gain, low, high, parts.half_widths)
     return ModelError(
         frequencies=f,
         gain=gain,
@@ -394,12 +395,9 @@ def _interval_of_parameters(estimate: Estimate, f: FloatArray) -> tuple[FloatArr
 def _with_scatter(
     gain: FloatArray, low: FloatArray, high: FloatArray, half_widths: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Ends of intervals about gains (nf, ny, nu) with an independent error of the logarithm besides (ny, nu)."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        below = gain * np.exp(-np.hypot(np.log(gain / low), half_widths))
-        above = gain * np.exp(np.hypot(np.log(high / gain), half_widths))
-    # a gain of zero has no logarithm, and no relative error
-    return np.where(gain > 0.0, below, low), np.where(gain > 0.0, above, high)
+    """Ends of intervals about gains (nf, ny, nu) with an independent relative error besides (ny, nu)."""
+    below = gain - np.hypot(gain - low, half_widths * gain)
+    return np.maximum(below, 0.0), gain + np.hypot(high - gain, half_widths * gain)
 
 
 def simulation_errors(estimate: Estimate, experiments: Sequence[IOData]) -> list[FloatArray]:

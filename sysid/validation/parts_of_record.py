@@ -27,13 +27,13 @@ class PartsOfRecord:
     Attributes:
         p_value: Of the hypothesis that all parts have one response; NaN where they are too short to tell.
         count: Number of parts.
-        log_half_widths: Half the length of the 95 % interval of the logarithm of each path's gain, from the scatter
-            between the parts (ny, nu); 0 where they do not differ.
+        half_widths: Half the length of the 95 % interval of each path's gain over the gain, from the scatter between
+            the parts (ny, nu); 0 where they do not differ.
     """
 
     p_value: float
     count: int
-    log_half_widths: FloatArray
+    half_widths: FloatArray
 
     @property
     def differ(self) -> bool:
@@ -72,7 +72,7 @@ def compare_parts(estimate: Estimate, experiments: Sequence[IOData]) -> PartsOfR
 
 
 def _half_width(ratios: FloatArray, deviations: FloatArray) -> float:
-    """Half the length of the 95 % interval of the logarithm of a gain, from those of parts over a common one (K,)."""
+    """Half the length of the 95 % interval of a gain over the gain, from those of parts over a common one (K,)."""
     known = np.isfinite(ratios) & np.isfinite(deviations) & (deviations > 0.0)
     freedom = int(known.sum()) - 1
     if freedom < 1:

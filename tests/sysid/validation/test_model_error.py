@@ -216,6 +216,9 @@ def test_two_inputs_and_two_outputs():
     assert inside[:, 0].all()
     assert inside[:, 1, 0].all()
     assert error.is_wider[0]
+    # the parts of the record tell nothing of a path without gain, but that it is small
+    assert (low[:, 1, 1] >= 0.0).all()
+    assert high[:, 1, 1].max() < 100.0
 
 
 def test_windows_missing_outputs_and_operating_points():
