@@ -357,7 +357,7 @@ def _squares_left(basis: ComplexArray, y: ComplexArray) -> float:
 
 
 def _fast_changes(local: _LocalFit, f: FloatArray, width: int) -> list[str]:
-    """Warn where denominators explain what polynomials leave: the response changes faster than these follow."""
+    """Warn of frequencies at which the response changes faster than the polynomials can follow."""
     if local.denominator:
         return []
     asked = f if len(f) <= MOST_TESTED else f[np.linspace(0, len(f) - 1, MOST_TESTED).astype(int)]

@@ -144,11 +144,9 @@ def posterior(
         sensitivities: Relative change of the response of each path per parameter direction there (nu, p).
         widths: Octaves over which the smooth part may change there, and their probabilities.
     """
-    scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
-    freedom = _freedom(lines)
     weights, means, covariances = [], [], []
     for octaves, probability in widths:
-        logarithms, of_means, of_covariances = _hypotheses(lines, frequency, sensitivities, octaves, scale)
+        logarithms, of_means, of_covariances, freedom = _hypotheses(lines, frequency, sensitivities, octaves)
         relative = np.exp(logarithms - logarithms.max())
         weights.append(probability * relative / relative.sum())
         means.append(of_means)
@@ -166,29 +164,26 @@ def width_probabilities(lines: Lines, frequency: float) -> list[tuple[float, flo
     Lines near the frequency tell: beside a resonance that the model lacks the error changes faster than elsewhere.
     """
     nowhere = np.zeros((lines.inputs.shape[1], lines.sensitivities.shape[1]), dtype=complex)
-    scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
     tried = (*NARROWER, OCTAVES)
     likelihoods = np.array(
-        [scipy.special.logsumexp(_hypotheses(lines, frequency, nowhere, octaves, scale)[0]) for octaves in tried]
+        [scipy.special.logsumexp(_hypotheses(lines, frequency, nowhere, octaves)[0]) for octaves in tried]
     )
     probabilities = np.exp(likelihoods - likelihoods.max())
     probabilities /= probabilities.sum()
     return [pair for pair in zip(tried, probabilities.tolist(), strict=True) if pair[1] > UNLIKELY]
 
 
-def _freedom(lines: Lines) -> float:
-    """Degrees of freedom of the common scale."""
-    basis, _ = _orthonormal(_stacked(lines.sensitivities))
-    return 2.0 * len(lines) - basis.shape[1] + lines.freedom
-
-
 def _hypotheses(
-    lines: Lines, frequency: float, sensitivities: ComplexArray, octaves: float, scale: float
-) -> tuple[FloatArray, ComplexArray, FloatArray]:
-    """Log likelihoods (m,), means (m, nu) and covariances (m, nu, 2, 2) of all shapes and sizes, of one width."""
+    lines: Lines, frequency: float, sensitivities: ComplexArray, octaves: float
+) -> tuple[FloatArray, ComplexArray, FloatArray, float]:
+    """Log likelihoods (m,), means (m, nu), covariances (m, nu, 2, 2) and degrees of freedom of the errors of one width.
+
+    A row for each shape of the rough part and each size of the smooth one.
+    """
+    scale = float(np.median(np.sum(np.abs(lines.inputs) ** 2, axis=1)))
     basis, to_basis = _orthonormal(_stacked(lines.sensitivities))
     at_frequency = np.stack((sensitivities.real, sensitivities.imag), axis=1) @ to_basis
-    freedom = _freedom(lines)
+    freedom = 2.0 * len(lines) - basis.shape[1] + lines.freedom
     prior, cross = _prior(lines, frequency, scale, octaves)
     # shapes of an unknown variance are about one
     rough = 1.0 if lines.variances is None else float(np.exp(np.mean(np.log(lines.variances))))
@@ -203,7 +198,7 @@ def _hypotheses(
             logarithms.append(logarithm)
             means.append(mean)
             covariances.append(covariance)
-    return np.array(logarithms), np.array(means), np.array(covariances)
+    return np.array(logarithms), np.array(means), np.array(covariances), freedom
 
 
 def _prior(lines: Lines, frequency: float, scale: float, octaves: float) -> tuple[FloatArray, FloatArray]:

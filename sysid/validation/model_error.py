@@ -18,7 +18,7 @@ from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
-from sysid.records.repetition import LEAST_SHARE, STILL, Repetition
+from sysid.records.repetition import LEAST_SHARE, STILL, Repetition, unrepeated_share
 from sysid.validation.feedback import feedback
 from sysid.validation.misfit_posterior import OCTAVES, Hypotheses, Lines, posterior, width_probabilities
 from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
@@ -28,6 +28,7 @@ from sysid.validation.simulation_lines import (
     compare_sequences,
     lines_of_bands,
     lines_of_mean_periods,
+    lines_of_records,
     relative_lines,
     response_changes,
 )
@@ -85,7 +86,7 @@ class ModelError(Locked):
 
     @property
     def is_wider(self) -> np.ndarray:
-        """Whether distortion, too low an order or a gain that changes shows, per output (ny,)."""
+        """Whether errors beyond noise were found, which make the interval wider, per output (ny,)."""
         return np.asarray((self.p_values < LEVEL) | self._changes.any(axis=1))
 
     @property
@@ -180,7 +181,7 @@ class ModelError(Locked):
         return text + self._told_by_sequences(output)
 
     def _told_by_sequences(self, output: int) -> str:
-        """Whether sequences tell distortion, too low an order, or both."""
+        """Say whether the sequences show distortion, too low an order, or both."""
         compared = self.sequences[output]
         parts = []
         if compared.p_common < LEVEL:
@@ -324,10 +325,11 @@ def _errors_of_output(
         compared = compare_sequences(experiments, errors, repeated.groups)
         return _OutputErrors(relative_lines(spectra, estimate, output), repeated.p_value, repeated, compared)
     # bands show errors that are small at every single line of a period
-    bands = lines_of_bands(experiments, errors, estimate, output)
+    of_records = lines_of_records(experiments, errors, estimate, output)
+    bands = lines_of_bands(of_records)
     p_value = _p_value_of_bands(bands)
     if p_value < LEVEL:
-        bands = lines_of_bands(experiments, errors, estimate, output, NARROW_BAND)
+        bands = lines_of_bands(of_records, NARROW_BAND)
     return _OutputErrors(bands, p_value, repeated, SequencesCompared())
 
 
@@ -346,11 +348,10 @@ def _every_input_repeats(experiments: Sequence[IOData], groups: Sequence[Repetit
     """Whether each input that moves repeats with the sequences, not only most of their power."""
     for group in groups:
         folded = group.folded([experiment.u for experiment in experiments])
-        within = np.sum((folded - folded.mean(axis=0)) ** 2, axis=(0, 1)) / (group.count - 1)
-        total = np.sum((folded - folded.mean(axis=(0, 1))) ** 2, axis=(0, 1)) / group.count
-        moves = np.sqrt(total / group.period) > STILL * np.abs(folded).max(axis=(0, 1))
-        if np.any(moves & (within > (1.0 - LEAST_SHARE) * total)):
-            return False
+        for column in folded.reshape(-1, folded.shape[2]).T:
+            moves = column.std() > STILL * np.abs(column).max()
+            if moves and unrepeated_share(column[:, None], group.period) > 1.0 - LEAST_SHARE:
+                return False
     return True
 
 
@@ -395,7 +396,7 @@ def _interval_of_parameters(estimate: Estimate, f: FloatArray) -> tuple[FloatArr
 def _with_scatter(
     gain: FloatArray, low: FloatArray, high: FloatArray, half_widths: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Ends of intervals about gains (nf, ny, nu) with an independent relative error besides (ny, nu)."""
+    """Widen the intervals of gains (nf, ny, nu) by an independent relative error of each path (ny, nu)."""
     below = gain - np.hypot(gain - low, half_widths * gain)
     return np.maximum(below, 0.0), gain + np.hypot(high - gain, half_widths * gain)
 

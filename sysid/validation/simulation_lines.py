@@ -157,7 +157,7 @@ def _strong_lines(f: FloatArray, power: FloatArray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _OutputLines:
+class OutputLines:
     """Lines in units of an output.
 
     Attributes:
@@ -174,9 +174,9 @@ class _OutputLines:
     sensitivities: ComplexArray
     size: FloatArray
 
-    def rows(self, rows: slice | np.ndarray) -> "_OutputLines":
+    def rows(self, rows: slice | np.ndarray) -> "OutputLines":
         """Some of the lines."""
-        return _OutputLines(
+        return OutputLines(
             self.frequencies[rows], self.inputs[rows], self.errors[rows], self.sensitivities[rows], self.size[rows]
         )
 
@@ -188,9 +188,9 @@ class _OutputLines:
         return Lines(self.frequencies, inputs, self.errors / size, sensitivities, relative_variances, freedom)
 
 
-def _joined(parts: Sequence[_OutputLines]) -> _OutputLines:
+def _joined(parts: Sequence[OutputLines]) -> OutputLines:
     """Lines one after the other."""
-    return _OutputLines(
+    return OutputLines(
         np.concatenate([part.frequencies for part in parts]),
         np.concatenate([part.inputs for part in parts]),
         np.concatenate([part.errors for part in parts]),
@@ -199,7 +199,7 @@ def _joined(parts: Sequence[_OutputLines]) -> _OutputLines:
     )
 
 
-def _reduced(lines: _OutputLines) -> tuple[_OutputLines, float]:
+def _reduced(lines: OutputLines) -> tuple[OutputLines, float]:
     """As many lines as inputs, with all that a constant error of the response explains, and the squares of the rest."""
     q, _ = np.linalg.qr(lines.inputs)
     onto = q.conj().T
@@ -207,17 +207,17 @@ def _reduced(lines: _OutputLines) -> tuple[_OutputLines, float]:
     rest = lines.errors - q @ kept
     middle = np.full(len(kept), np.exp(np.mean(np.log(lines.frequencies))))
     size = np.full(len(kept), np.exp(np.mean(np.log(lines.size))))
-    band = _OutputLines(middle, onto @ lines.inputs, kept, onto @ lines.sensitivities, size)
+    band = OutputLines(middle, onto @ lines.inputs, kept, onto @ lines.sensitivities, size)
     return band, float(np.sum(np.abs(rest) ** 2))
 
 
-def _output_lines(spectra: Spectra, estimate: Estimate, output: int) -> _OutputLines:
+def _output_lines(spectra: Spectra, estimate: Estimate, output: int) -> OutputLines:
     """Pass the lines of the inputs through the model."""
     f = spectra.frequencies
     g = estimate.realise(estimate.parameters).frequency_response(f)[:, output]
     changes = response_changes(estimate, f, output) * spectra.inputs[:, :, None]
     size = np.sqrt(np.sum(np.abs(g) ** 2, axis=1))
-    return _OutputLines(f, spectra.inputs * g, spectra.errors, changes.sum(axis=1), size)
+    return OutputLines(f, spectra.inputs * g, spectra.errors, changes.sum(axis=1), size)
 
 
 def relative_lines(spectra: Spectra, estimate: Estimate, output: int) -> Lines:
@@ -225,20 +225,16 @@ def relative_lines(spectra: Spectra, estimate: Estimate, output: int) -> Lines:
     return _output_lines(spectra, estimate, output).relative(None, 0.0)
 
 
-def lines_of_bands(
-    experiments: Sequence[IOData], errors: Sequence[FloatArray], estimate: Estimate, output: int, width: float = BAND
-) -> Lines:
-    """Errors over bands of whole records, each band reduced to as many lines as there are inputs.
-
-    In a band the relative error of the response is about constant; what it does not explain shows the variance of noise
-    and distortion, which the phases of a long record make as rough.
+def lines_of_records(
+    experiments: Sequence[IOData], errors: Sequence[FloatArray], estimate: Estimate, output: int
+) -> OutputLines:
+    """Errors at all lines of whole records, of rising frequency.
 
     Args:
         experiments: The records.
-        errors: Errors of an output of each (N_i,).
+        errors: Errors of an output of each (N_i,); NaN where they are not known.
         estimate: The model.
         output: Number of the output.
-        width: Ratio of the ends of a band.
     """
     records = []
     for experiment, error in zip(experiments, errors, strict=True):
@@ -252,11 +248,23 @@ def lines_of_bands(
         )
         records.append(_output_lines(spectra, estimate, output))
     together = _joined(records)
-    together = together.rows(np.argsort(together.frequencies, kind="stable"))
-    reduced: list[_OutputLines] = []
+    return together.rows(np.argsort(together.frequencies, kind="stable"))
+
+
+def lines_of_bands(together: OutputLines, width: float = BAND) -> Lines:
+    """Errors over bands of whole records, each band reduced to as many lines as there are inputs.
+
+    In a band the relative error of the response is about constant; what it does not explain shows the variance of noise
+    and distortion, which the phases of a long record make as rough.
+
+    Args:
+        together: All lines, of rising frequency.
+        width: Ratio of the ends of a band.
+    """
+    reduced: list[OutputLines] = []
     squares: list[float] = []
     spares: list[int] = []
-    for first, end in _bands(together.frequencies, estimate.model.nu, width):
+    for first, end in _bands(together.frequencies, together.inputs.shape[1], width):
         band, of_noise = _reduced(together.rows(slice(first, end)))
         reduced.append(band)
         squares.append(of_noise)

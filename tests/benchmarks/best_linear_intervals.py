@@ -122,7 +122,7 @@ def estimated(structure, data):
 
 
 def combination(task):
-    """Outcomes of every method on the records of one combination."""
+    """Identify the records of one kind, joint and amplitude by every method, and judge the intervals."""
     kind, joint, amplitude, count, sequences, seed, bandwidth = task
     f, gain = best_linear_gain(records(kind, joint, amplitude, range(seed, seed + sequences)))
     truth = gain[np.searchsorted(f, HZ)]

@@ -1,4 +1,4 @@
-"""How often intervals hold the gain of the best linear system, on records of the arm that repeat nothing and rub.
+"""Coverage of intervals for the gain of the best linear system, on records of the arm without repetition.
 
 Criterion of 30 November 2026, when twenty records of the yaw and ten of the elbow pitch of other seeds had been seen,
 on which the intervals were mended: the 95 % intervals "with distortion and order" hold that gain at 0.5, 1 and 2 Hz in
