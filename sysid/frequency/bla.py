@@ -8,11 +8,12 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
+from sysid.frequency.unclaimed_errors import scatter_messages
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arguments import real_number, whole_number
 from sysid.records.arrays import ComplexArray, FloatArray, Locked, rectangular
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.records.printing import Part, numbers
 from sysid.records.singular_values import singular_values
 
@@ -93,7 +94,8 @@ def bla(
             without power, inputs that are not independent.
 
     Warns:
-        SysidWarning: Periods of an input that differ.
+        SysidWarning: Periods of an input that differ; of a single realisation with one input, a response that scatters
+            from line to line by more than the noise, as distortion makes it.
     """
     experiments = tuple(e.scored for e in as_experiments(data))
     first = experiments[0]
@@ -119,12 +121,9 @@ def bla(
     freedom = sum(2 * (count - 1) for count in counts)
     mean = np.mean(responses, axis=0)
     noise = np.sum(noise_variances, axis=0) / r**2
-    total = p_value = np.full(noise.shape, np.nan)
-    if r > 1:
-        total = np.sum(np.abs(np.array(responses) - mean) ** 2, axis=0) / (r * (r - 1))
-        # without noise any scatter over realisations is distortion
-        ratio = np.divide(total, noise, out=np.where(total > 0.0, np.inf, 1.0), where=noise > 0.0)
-        p_value = scipy.stats.f.sf(ratio, 2 * (r - 1), freedom)
+    total, p_value = _scatter_of_realisations(responses, noise, freedom)
+    if r == 1 and nu == 1:
+        warn_each(scatter_messages(used / (period * first.dt), mean, noise, power[used], float(freedom)))
     variance_of_mean = total if r > 1 else noise
     return BestLinearApproximation(
         response=FrequencyResponse(
@@ -145,6 +144,26 @@ def bla(
         realisations=r,
         periods=tuple(counts),
     )
+
+
+def _scatter_of_realisations(
+    responses: Sequence[ComplexArray], noise: FloatArray, freedom: int
+) -> tuple[FloatArray, FloatArray]:
+    """Variance of the mean over realisations (nf, ny, nu), and p-value of "no distortion"; NaN of a single one.
+
+    Args:
+        responses: Of each realisation (nf, ny, nu).
+        noise: Variance of their mean by noise (nf, ny, nu).
+        freedom: Degrees of freedom of that variance.
+    """
+    r = len(responses)
+    if r == 1:
+        return np.full(noise.shape, np.nan), np.full(noise.shape, np.nan)
+    scatter = np.array(responses) - np.mean(responses, axis=0)
+    total = np.sum(np.abs(scatter) ** 2, axis=0) / (r * (r - 1))
+    # without noise any scatter over realisations is distortion
+    ratio = np.divide(total, noise, out=np.where(total > 0.0, np.inf, 1.0), where=noise > 0.0)
+    return total, np.asarray(scipy.stats.f.sf(ratio, 2 * (r - 1), freedom))
 
 
 def _period_counts(experiments: Sequence[IOData], period: int) -> list[int]:

@@ -6,12 +6,13 @@ import numpy as np
 import scipy
 
 from sysid.frequency.spectra import response_of_spectra
+from sysid.frequency.unclaimed_errors import scatter_messages, smoothing_messages
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
-from sysid.records.errors import SysidError
+from sysid.records.errors import SysidError, warn_each
 
 SILENT = 1e-20  # power of a line, relative to the strongest, that is rounding
 
@@ -32,6 +33,10 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
 
     Returns:
         Response at the frequencies k / (N dt), k >= 1, at which the input has power; with smoothing the spectra too.
+
+    Warns:
+        SysidWarning: A response that scatters from line to line by more than the deviations, as distortion that repeats
+            makes it; with smoothing one that changes within its width.
 
     Raises:
         SysidError: Several inputs, constant input, experiments of different length, more neighbours than frequencies.
@@ -65,6 +70,8 @@ def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyRes
         variance = np.sum(np.abs(errors) ** 2, axis=0) / (r - 1) / power[excited]
         covariance = 0.5 * variance[:, :, None, None, None] * np.eye(2)
         freedom = 2.0 * (r - 1)
+        lines = f[excited], response[:, :, None], variance[:, :, None]
+        warn_each(scatter_messages(*lines, power[excited, 0], freedom))
     return FrequencyResponse(
         frequencies=f[excited],
         response=response[:, :, None],
@@ -98,4 +105,7 @@ def _smoothed(
     input_power = phi[:, 0, 0].real
     squares = scale * over_neighbours(products[..., 0, 0], weights**2).real
     effective = len(experiments) * input_power / np.where(squares > 0.0, squares, 1.0)
-    return response_of_spectra("etfe", experiments, f, phi, averages=averages, weights=np.maximum(effective, 1e-12))
+    effective = np.maximum(effective, 1e-12)
+    response = response_of_spectra("etfe", experiments, f, phi, averages=averages, weights=effective)
+    warn_each(smoothing_messages(experiments, response, "smooth over fewer neighbours"))
+    return response

@@ -2,30 +2,24 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-import scipy
 from numpy.typing import ArrayLike
 
+from sysid.frequency.local_fit import Lines, LocalFit
 from sysid.frequency.spectra import checked_frequencies
 from sysid.models.frequency_response import FrequencyResponse, complex_covariance
 from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
-from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
 from sysid.records.repetition import LEAST_SHARE, repetitions, unrepeated_share
 
 LARGEST_GRID = 400  # frequencies estimated at if none are given, at most
-SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
-ADDED = 2  # degree of the denominators that show whether polynomials suffice
 BESIDE = (-1.5, -1.0, 0.0, 1.0, 1.5)  # half widths of a window beside a frequency at which that is tested
 MOST_TESTED = 40  # frequencies at which that is tested, at most
 SIGNIFICANT = 0.01  # p-value, of all frequencies together
-DEPENDENT = (
-    1e-8  # singular value of the scaled regressors, relative to the largest, of a response that is not determined
-)
 
 
 def lpm(
@@ -88,7 +82,7 @@ def lpm(
     periods = float(np.mean([len(e) // period for e in experiments])) if period else 1.0
     if period:
         experiments = tuple(_mean_period(e, period, k) for k, e in enumerate(experiments))
-    local = _LocalFit(tuple(_Lines.of(e) for e in experiments), degree, denominator)
+    local = LocalFit(tuple(Lines.of(e) for e in experiments), degree, denominator)
     width = local.default_half_width() if half_width is None else half_width
     local.check(width)
     shortest = min(map(len, experiments))
@@ -131,8 +125,8 @@ def _found_period(experiments: Sequence[IOData], degree: int, denominator: int, 
     # runs of one waveform, each played once, are no periods of a record
     if any(len(experiment) < 2 * period for experiment in experiments):
         return 0
-    means = tuple(_Lines.of(_mean_period(e, period, k)) for k, e in enumerate(experiments))
-    local = _LocalFit(means, degree, denominator)
+    means = tuple(Lines.of(_mean_period(e, period, k)) for k, e in enumerate(experiments))
+    local = LocalFit(means, degree, denominator)
     try:
         local.check(local.default_half_width() if half_width is None else half_width)
     except SysidError:
@@ -179,184 +173,7 @@ def _default_frequencies(samples: int, dt: float) -> FloatArray:
     return np.asarray(lines / (samples * dt))
 
 
-@dataclass(frozen=True)
-class _Lines:
-    """Transforms of one experiment, of unit power per sample, without 0 Hz.
-
-    Attributes:
-        frequencies: Hz (n,).
-        inputs: (n, nu).
-        outputs: (n, ny).
-    """
-
-    frequencies: FloatArray
-    inputs: ComplexArray
-    outputs: ComplexArray
-
-    @classmethod
-    def of(cls, experiment: IOData) -> "_Lines":
-        """Transform an experiment."""
-        n = len(experiment)
-        inner = slice(1, (n + 1) // 2)
-        root = np.sqrt(n)
-        return cls(
-            scipy.fft.rfftfreq(n, experiment.dt)[inner],
-            scipy.fft.rfft(experiment.u, axis=0)[inner] / root,
-            scipy.fft.rfft(experiment.y, axis=0)[inner] / root,
-        )
-
-
-@dataclass(frozen=True)
-class _LocalFit:
-    """Least squares over the lines about a frequency.
-
-    Attributes:
-        records: The lines of each experiment.
-        degree: Of the polynomials of response and transients.
-        denominator: Degree of the denominator.
-    """
-
-    records: tuple[_Lines, ...]
-    degree: int
-    denominator: int
-
-    @property
-    def unknowns(self) -> int:
-        """Unknowns of an output."""
-        nu = self.records[0].inputs.shape[1]
-        return (self.degree + 1) * (nu + len(self.records)) + self.denominator
-
-    def spare(self, width: int) -> int:
-        """Equations of an output beyond its unknowns."""
-        return len(self.records) * (2 * width + 1) - self.unknowns
-
-    def default_half_width(self) -> int:
-        """Fewest lines on either side that leave `SPARE` equations, and as many as there are outputs."""
-        ny = self.records[0].outputs.shape[1]
-        width = 1
-        while self.spare(width) < SPARE + ny - 1:
-            width += 1
-        return width
-
-    def check(self, width: int) -> None:
-        """Refuse a width with too few equations, or with more lines than an experiment has."""
-        ny = self.records[0].outputs.shape[1]
-        if self.spare(width) < ny:
-            raise SysidError(
-                f"half_width = {width} gives {len(self.records) * (2 * width + 1)} equations for {self.unknowns} "
-                f"unknowns per output, expected {self.unknowns + ny} at least: use a larger one, or a lower degree"
-            )
-        fewest = min(len(record.frequencies) for record in self.records)
-        if 2 * width + 1 > fewest:
-            raise SysidError(
-                f"half_width = {width} takes {2 * width + 1} lines, the shortest experiment has {fewest}: use more "
-                "samples, a lower degree or a longer period"
-            )
-
-    def solve_all(self, f: FloatArray, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray]:
-        """Response (nf, ny, nu), its variance, and covariance of the noise (nf, ny, ny); NaN where it is not known."""
-        ny, nu = self.records[0].outputs.shape[1], self.records[0].inputs.shape[1]
-        response = np.full((len(f), ny, nu), np.nan, dtype=complex)
-        variance = np.full((len(f), ny, nu), np.nan)
-        noise = np.full((len(f), ny, ny), np.nan, dtype=complex)
-        for k, frequency in enumerate(f):
-            fit = self.solve(float(frequency), width)
-            if fit is not None:
-                response[k], variance[k], noise[k] = fit
-        return response, variance, noise
-
-    def solve(self, frequency: float, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray] | None:
-        """Response (ny, nu), its variance (ny, nu) and the covariance of the noise (ny, ny) at a frequency.
-
-        None where the inputs do not determine the response.
-        """
-        phi, y, distances = self._regression(frequency, width)
-        nu, ny = self.records[0].inputs.shape[1], self.records[0].outputs.shape[1]
-        count = self.degree + 1
-        response = np.empty((ny, nu), dtype=complex)
-        gram_diagonal = np.empty((ny, nu))
-        errors = np.empty_like(y)
-        # the constant terms of the polynomials of the response
-        places = np.arange(nu) * count
-        for i in range(ny):
-            columns = phi
-            if self.denominator:
-                columns = np.hstack((phi, _of_denominator(y[:, i], distances, self.denominator)))
-            lengths = np.linalg.norm(columns, axis=0)
-            if (lengths[places] == 0.0).any():
-                return None
-            lengths[lengths == 0.0] = 1.0
-            left, values, right = np.linalg.svd(columns / lengths, full_matrices=False)
-            kept = values > DEPENDENT * values[0]
-            inverse = right[kept].conj().T / values[kept] / lengths[:, None]
-            # a combination of inputs that has no effect leaves the response open
-            if not kept.all() and np.abs(right[~kept][:, places]).max() > np.sqrt(DEPENDENT):
-                return None
-            theta = inverse @ (left[:, kept].conj().T @ y[:, i])
-            errors[:, i] = y[:, i] - columns @ theta
-            response[i] = theta[places]
-            gram_diagonal[i] = np.sum(np.abs(inverse[places]) ** 2, axis=1)
-        noise = errors.T @ errors.conj() / self.spare(width)
-        return response, gram_diagonal * noise.diagonal().real[:, None], noise
-
-    def _regression(self, frequency: float, width: int) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """Regressors (n, p) of response and transients, outputs (n, ny) and scaled distances (n,) of lines near."""
-        powers = np.arange(self.degree + 1)
-        count = self.degree + 1
-        # the polynomial of the response, which all experiments share, needs one scale of frequency
-        reach = max(float(record.frequencies[width] - record.frequencies[0]) for record in self.records)
-        regressors, outputs, distances = [], [], []
-        for k, record in enumerate(self.records):
-            rows = _window(record.frequencies, frequency, width)
-            r = (record.frequencies[rows] - frequency) / reach
-            terms = r[:, None] ** powers
-            of_response = record.inputs[rows][:, :, None] * terms[:, None, :]
-            of_transients = np.zeros((len(r), len(self.records), count))
-            of_transients[:, k] = terms
-            regressors.append(np.hstack((of_response.reshape(len(r), -1), of_transients.reshape(len(r), -1))))
-            outputs.append(record.outputs[rows])
-            distances.append(r)
-        return np.vstack(regressors), np.vstack(outputs), np.concatenate(distances)
-
-    def p_of_polynomials(self, frequency: float, width: int) -> float:
-        """Least p-value of an output of the hypothesis that polynomials suffice, and denominators explain nothing."""
-        phi, y, distances = self._regression(frequency, width)
-        basis = _orthonormal_basis(phi)
-        least = 1.0
-        for i in range(y.shape[1]):
-            # the output without noise, which would explain itself
-            fitted = basis @ (basis.conj().T @ y[:, i])
-            whole = np.hstack((phi, _of_denominator(fitted, distances, ADDED)))
-            rational = _orthonormal_basis(whole)
-            freedom, added = len(y) - rational.shape[1], rational.shape[1] - basis.shape[1]
-            if freedom < ADDED or added < 1:
-                continue
-            left = _squares_left(basis, y[:, i])
-            explained = left - _squares_left(rational, y[:, i])
-            ratio = explained / added / max((left - explained) / freedom, np.finfo(float).tiny)
-            # complex equations and unknowns count twice
-            least = min(least, float(scipy.stats.f.sf(ratio, 2 * added, 2 * freedom)) * y.shape[1])
-        return least
-
-
-def _of_denominator(y: ComplexArray, distances: FloatArray, degree: int) -> ComplexArray:
-    """Regressors (n, degree) of a common denominator: Y = N U + T - (D - 1) Y."""
-    return np.asarray(-y[:, None] * distances[:, None] ** np.arange(1, degree + 1))
-
-
-def _orthonormal_basis(columns: ComplexArray) -> ComplexArray:
-    """Orthonormal basis (n, r) of what columns (n, p) span beyond rounding."""
-    lengths = np.linalg.norm(columns, axis=0)
-    left, values, _ = np.linalg.svd(columns / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
-    return np.asarray(left[:, values > DEPENDENT * max(values[0], np.finfo(float).tiny)])
-
-
-def _squares_left(basis: ComplexArray, y: ComplexArray) -> float:
-    """Sum of squares of a signal (n,) beyond what a basis (n, r) explains."""
-    return float(np.sum(np.abs(y - basis @ (basis.conj().T @ y)) ** 2))
-
-
-def _fast_changes(local: _LocalFit, f: FloatArray, width: int) -> list[str]:
+def _fast_changes(local: LocalFit, f: FloatArray, width: int) -> list[str]:
     """Warn of frequencies at which the response changes faster than the polynomials can follow."""
     if local.denominator:
         return []
@@ -377,10 +194,3 @@ def _fast_changes(local: _LocalFit, f: FloatArray, width: int) -> list[str]:
         "damped resonance: its values there may be wrong by more than their deviations say; denominator=2 follows it, "
         "and a longer record or period has closer lines"
     ]
-
-
-def _window(f: FloatArray, frequency: float, width: int) -> slice:
-    """The 2 width + 1 lines about a frequency; at an end of the spectrum those next to it."""
-    nearest = int(np.clip(np.round((frequency - f[0]) / (f[1] - f[0])), 0, len(f) - 1))
-    first = min(max(nearest - width, 0), len(f) - 2 * width - 1)
-    return slice(first, first + 2 * width + 1)

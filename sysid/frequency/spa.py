@@ -9,6 +9,7 @@ import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from sysid.frequency.spectra import checked_frequencies, coherence, powers, response_of_spectra
+from sysid.frequency.unclaimed_errors import smoothing_messages
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.correlation import covariance_function, covariance_with_gaps
 from sysid.polynomial.data_checks import check_excitation, large_means
@@ -36,7 +37,8 @@ def spa(
     Phi(f) = dt sum_tau w(tau) R(tau) exp(-2 pi i f dt tau) with the lag window w; G = Phi_yu Phi_u^-1;
     disturbance Phi_v = Phi_y - Phi_yu Phi_u^-1 Phi_uy (in SISO Phi_y - |Phi_yu|^2 / Phi_u). Detrend first: a mean
     leaks into the lowest frequencies. Intervals include the variance, not the bias by smoothing over about
-    1 / (lag dt) Hz: near a sharp resonance, and for frequencies below that, use a longer lag.
+    1 / (lag dt) Hz: near a sharp resonance, and for frequencies below that, use a longer lag. A response that changes
+    within that width counts as disturbance; a test warns of it.
 
     Missing outputs enter as zeros and widen the intervals as one more disturbance; with little noise this costs far
     more than the missing samples: use `data.complete_parts()` if the parts are long.
@@ -55,8 +57,8 @@ def spa(
         Response and covariance are NaN where the input has no significant power.
 
     Warns:
-        SysidWarning: Means that dominate, inputs that depend on each other, a window shorter than the response, or no
-            frequency at which the inputs have power.
+        SysidWarning: Means that dominate, inputs that depend on each other, a window shorter than the response, no
+            frequency at which the inputs have power; a response that changes within the width of the smoothing.
 
     Raises:
         SysidError: Constant input, lag not between 1 and N - 1, an invalid window, frequencies beyond Nyquist.
@@ -89,6 +91,7 @@ def spa(
     response = response_of_spectra("spa", experiments, f, phi, averages=samples / float(weights @ weights))
     if not complete:
         return _with_gaps(response, experiments, weights)
+    warn_each(smoothing_messages(experiments, response, "use a longer lag"))
     # the spectrum of the disturbance is negative somewhere, beyond rounding
     noise, output = powers(np.asarray(response.noise_spectrum)), powers(phi[:, nu:, nu:])
     negative = (noise < -1e-9 * np.abs(output)).any(axis=1)

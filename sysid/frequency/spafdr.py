@@ -7,6 +7,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from sysid.frequency.spectra import checked_frequencies, response_of_spectra
+from sysid.frequency.unclaimed_errors import smoothing_messages
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arrays import ComplexArray, real_array
@@ -38,7 +39,8 @@ def spafdr(
         of the frequency with the fewest averages.
 
     Warns:
-        SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
+        SysidWarning: Means that dominate, inputs that depend on each other, no frequency at which they have power; a
+            response that changes within the width of the smoothing.
 
     Raises:
         SysidError: Constant input, frequencies not above 0 and up to Nyquist, a resolution that leaves too few lines.
@@ -86,7 +88,10 @@ def spafdr(
             f"a resolution of {widths[k]:.3g} Hz at {f[k]:.3g} Hz has {averages[k]:.3g} lines {line:.3g} Hz apart; "
             f"with {nu} input(s) more than {nu} are needed: use a wider resolution or higher frequencies"
         )
-    return response_of_spectra("spafdr", experiments, f, phi, averages=averages, weights=np.maximum(effective, 1e-12))
+    weights = np.maximum(effective, 1e-12)
+    response = response_of_spectra("spafdr", experiments, f, phi, averages=averages, weights=weights)
+    warn_each(smoothing_messages(experiments, response, "use a finer resolution"))
+    return response
 
 
 def _transform(experiment: IOData) -> ComplexArray:

@@ -6,6 +6,7 @@ import numpy as np
 import scipy
 
 from sysid.frequency.spectra import response_of_spectra
+from sysid.frequency.unclaimed_errors import smoothing_messages
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation, large_means
 from sysid.records.arguments import real_number, whole_number, window_values
@@ -38,7 +39,8 @@ def welch(
         The covariance accounts for the overlap of segments.
 
     Warns:
-        SysidWarning: Means that dominate, inputs that depend on each other, or no frequency at which they have power.
+        SysidWarning: Means that dominate, inputs that depend on each other, no frequency at which they have power; a
+            response that changes within the width of the smoothing.
 
     Raises:
         SysidError: Constant input, segment or overlap out of range, an invalid window, not more segments than
@@ -71,7 +73,9 @@ def welch(
     phi *= dt / float(w @ w) / sum(counts)
     averages = sum(_independent(w, hop, segments) for segments in counts)
     f = scipy.fft.rfftfreq(length, dt)[1:]
-    return response_of_spectra("welch", experiments, f, phi, averages=averages)
+    response = response_of_spectra("welch", experiments, f, phi, averages=averages)
+    warn_each(smoothing_messages(experiments, response, "use longer segments"))
+    return response
 
 
 def _independent(w: FloatArray, hop: int, segments: int) -> float:

@@ -1,0 +1,236 @@
+"""Least squares over neighbouring lines: a local polynomial or rational model of response and transient."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from sysid.records.arrays import ComplexArray, FloatArray
+from sysid.records.data import IOData
+from sysid.records.errors import SysidError
+
+SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
+ADDED = 2  # degree of the denominators that show whether polynomials suffice
+DEPENDENT = (
+    1e-8  # singular value of the scaled regressors, relative to the largest, of a response that is not determined
+)
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Transforms of one experiment, of unit power per sample, without 0 Hz.
+
+    Attributes:
+        frequencies: Hz (n,).
+        inputs: (n, nu).
+        outputs: (n, ny).
+    """
+
+    frequencies: FloatArray
+    inputs: ComplexArray
+    outputs: ComplexArray
+
+    @classmethod
+    def of(cls, experiment: IOData) -> "Lines":
+        """Transform an experiment."""
+        n = len(experiment)
+        inner = slice(1, (n + 1) // 2)
+        root = np.sqrt(n)
+        return cls(
+            scipy.fft.rfftfreq(n, experiment.dt)[inner],
+            scipy.fft.rfft(experiment.u, axis=0)[inner] / root,
+            scipy.fft.rfft(experiment.y, axis=0)[inner] / root,
+        )
+
+
+@dataclass(frozen=True)
+class LocalFit:
+    """Least squares over the lines about a frequency.
+
+    Attributes:
+        records: The lines of each experiment.
+        degree: Of the polynomials of response and transients.
+        denominator: Degree of the denominator.
+    """
+
+    records: tuple[Lines, ...]
+    degree: int
+    denominator: int
+
+    @property
+    def unknowns(self) -> int:
+        """Unknowns of an output."""
+        nu = self.records[0].inputs.shape[1]
+        return (self.degree + 1) * (nu + len(self.records)) + self.denominator
+
+    def spare(self, width: int) -> int:
+        """Equations of an output beyond its unknowns."""
+        return len(self.records) * (2 * width + 1) - self.unknowns
+
+    def default_half_width(self) -> int:
+        """Fewest lines on either side that leave `SPARE` equations, and as many as there are outputs."""
+        ny = self.records[0].outputs.shape[1]
+        width = 1
+        while self.spare(width) < SPARE + ny - 1:
+            width += 1
+        return width
+
+    def check(self, width: int) -> None:
+        """Refuse a width with too few equations, or with more lines than an experiment has."""
+        ny = self.records[0].outputs.shape[1]
+        if self.spare(width) < ny:
+            raise SysidError(
+                f"half_width = {width} gives {len(self.records) * (2 * width + 1)} equations for {self.unknowns} "
+                f"unknowns per output, expected {self.unknowns + ny} at least: use a larger one, or a lower degree"
+            )
+        fewest = min(len(record.frequencies) for record in self.records)
+        if 2 * width + 1 > fewest:
+            raise SysidError(
+                f"half_width = {width} takes {2 * width + 1} lines, the shortest experiment has {fewest}: use more "
+                "samples, a lower degree or a longer period"
+            )
+
+    def solve_all(self, f: FloatArray, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray]:
+        """Response (nf, ny, nu), its variance, and covariance of the noise (nf, ny, ny); NaN where it is not known."""
+        ny, nu = self.records[0].outputs.shape[1], self.records[0].inputs.shape[1]
+        response = np.full((len(f), ny, nu), np.nan, dtype=complex)
+        variance = np.full((len(f), ny, nu), np.nan)
+        noise = np.full((len(f), ny, ny), np.nan, dtype=complex)
+        for k, frequency in enumerate(f):
+            fit = self.solve(float(frequency), width)
+            if fit is not None:
+                response[k], variance[k], noise[k] = fit
+        return response, variance, noise
+
+    def solve(self, frequency: float, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray] | None:
+        """Response (ny, nu), its variance (ny, nu) and the covariance of the noise (ny, ny) at a frequency.
+
+        None where the inputs do not determine the response.
+        """
+        phi, y, distances = self._regression(frequency, width)
+        nu, ny = self.records[0].inputs.shape[1], self.records[0].outputs.shape[1]
+        count = self.degree + 1
+        response = np.empty((ny, nu), dtype=complex)
+        gram_diagonal = np.empty((ny, nu))
+        errors = np.empty_like(y)
+        # the constant terms of the polynomials of the response
+        places = np.arange(nu) * count
+        for i in range(ny):
+            columns = phi
+            if self.denominator:
+                columns = np.hstack((phi, _of_denominator(y[:, i], distances, self.denominator)))
+            lengths = np.linalg.norm(columns, axis=0)
+            if (lengths[places] == 0.0).any():
+                return None
+            lengths[lengths == 0.0] = 1.0
+            left, values, right = np.linalg.svd(columns / lengths, full_matrices=False)
+            kept = values > DEPENDENT * values[0]
+            inverse = right[kept].conj().T / values[kept] / lengths[:, None]
+            # a combination of inputs that has no effect leaves the response open
+            if not kept.all() and np.abs(right[~kept][:, places]).max() > np.sqrt(DEPENDENT):
+                return None
+            theta = inverse @ (left[:, kept].conj().T @ y[:, i])
+            errors[:, i] = y[:, i] - columns @ theta
+            response[i] = theta[places]
+            gram_diagonal[i] = np.sum(np.abs(inverse[places]) ** 2, axis=1)
+        noise = errors.T @ errors.conj() / self.spare(width)
+        return response, gram_diagonal * noise.diagonal().real[:, None], noise
+
+    def _regression(self, frequency: float, width: int) -> tuple[ComplexArray, ComplexArray, FloatArray]:
+        """Regressors (n, p) of response and transients, outputs (n, ny) and scaled distances (n,) of lines near."""
+        powers = np.arange(self.degree + 1)
+        count = self.degree + 1
+        # the polynomial of the response, which all experiments share, needs one scale of frequency
+        reach = max(float(record.frequencies[width] - record.frequencies[0]) for record in self.records)
+        regressors, outputs, distances = [], [], []
+        for k, record in enumerate(self.records):
+            rows = _window(record.frequencies, frequency, width)
+            r = (record.frequencies[rows] - frequency) / reach
+            terms = r[:, None] ** powers
+            of_response = record.inputs[rows][:, :, None] * terms[:, None, :]
+            of_transients = np.zeros((len(r), len(self.records), count))
+            of_transients[:, k] = terms
+            regressors.append(np.hstack((of_response.reshape(len(r), -1), of_transients.reshape(len(r), -1))))
+            outputs.append(record.outputs[rows])
+            distances.append(r)
+        return np.vstack(regressors), np.vstack(outputs), np.concatenate(distances)
+
+    def p_of_polynomials(self, frequency: float, width: int) -> float:
+        """Least p-value of an output of the hypothesis that polynomials suffice, and denominators explain nothing."""
+        phi, y, distances = self._regression(frequency, width)
+        basis = _orthonormal_basis(phi)
+        least = 1.0
+        for i in range(y.shape[1]):
+            # the output without noise, which would explain itself
+            fitted = basis @ (basis.conj().T @ y[:, i])
+            whole = np.hstack((phi, _of_denominator(fitted, distances, ADDED)))
+            rational = _orthonormal_basis(whole)
+            freedom, added = len(y) - rational.shape[1], rational.shape[1] - basis.shape[1]
+            if freedom < ADDED or added < 1:
+                continue
+            left = _squares_left(basis, y[:, i])
+            explained = left - _squares_left(rational, y[:, i])
+            ratio = explained / added / max((left - explained) / freedom, np.finfo(float).tiny)
+            # complex equations and unknowns count twice
+            least = min(least, float(scipy.stats.f.sf(ratio, 2 * added, 2 * freedom)) * y.shape[1])
+        return least
+
+    def of_constant(self, frequency: float, width: int) -> tuple[float, float, float]:
+        """What a response that is constant over the lines about a frequency leaves beyond what polynomials leave.
+
+        Returns:
+            Of the output with the least p-value: the p-value of "constant", the ratio of the powers of the noise, that
+            beside a constant over that beside polynomials, and their difference over the power of the output.
+        """
+        phi, y, _ = self._regression(frequency, width)
+        nu, count = self.records[0].inputs.shape[1], self.degree + 1
+        varying = [i * count + power for i in range(nu) for power in range(1, count)]
+        constant = _orthonormal_basis(np.delete(phi, varying, axis=1))
+        polynomial = _orthonormal_basis(phi)
+        freedom, added = len(y) - polynomial.shape[1], polynomial.shape[1] - constant.shape[1]
+        if freedom < 1 or added < 1:
+            return 1.0, 1.0, 0.0
+        of_outputs = []
+        for i in range(y.shape[1]):
+            left = max(_squares_left(polynomial, y[:, i]), np.finfo(float).tiny)
+            explained = max(_squares_left(constant, y[:, i]) - left, 0.0)
+            # complex equations and unknowns count twice
+            p_value = float(scipy.stats.f.sf(explained / added / (left / freedom), 2 * added, 2 * freedom))
+            ratio = (left + explained) / (freedom + added) / (left / freedom)
+            share = explained / max(float(np.sum(np.abs(y[:, i]) ** 2)), np.finfo(float).tiny)
+            of_outputs.append((p_value * y.shape[1], ratio, share))
+        return min(of_outputs)
+
+
+def left_by_rational(u: ComplexArray | FloatArray, y: ComplexArray, distances: FloatArray, degree: int) -> float:
+    """Sum of squares of an output (n,) that no rational function of the distances, times an input (n,), explains.
+
+    Numerator and denominator have the degree; distances are scaled, so that the denominator is one at zero.
+    """
+    numerator = u[:, None] * distances[:, None] ** np.arange(degree + 1)
+    columns = np.hstack((numerator, _of_denominator(y, distances, degree))).astype(np.complex128)
+    return _squares_left(_orthonormal_basis(columns), y)
+
+
+def _of_denominator(y: ComplexArray, distances: FloatArray, degree: int) -> ComplexArray:
+    """Regressors (n, degree) of a common denominator: Y = N U + T - (D - 1) Y."""
+    return np.asarray(-y[:, None] * distances[:, None] ** np.arange(1, degree + 1))
+
+
+def _orthonormal_basis(columns: ComplexArray) -> ComplexArray:
+    """Orthonormal basis (n, r) of what columns (n, p) span beyond rounding."""
+    lengths = np.linalg.norm(columns, axis=0)
+    left, values, _ = np.linalg.svd(columns / np.where(lengths > 0.0, lengths, 1.0), full_matrices=False)
+    return np.asarray(left[:, values > DEPENDENT * max(values[0], np.finfo(float).tiny)])
+
+
+def _squares_left(basis: ComplexArray, y: ComplexArray) -> float:
+    """Sum of squares of a signal (n,) beyond what a basis (n, r) explains."""
+    return float(np.sum(np.abs(y - basis @ (basis.conj().T @ y)) ** 2))
+
+
+def _window(f: FloatArray, frequency: float, width: int) -> slice:
+    """The 2 width + 1 lines about a frequency; at an end of the spectrum those next to it."""
+    nearest = int(np.clip(np.round((frequency - f[0]) / (f[1] - f[0])), 0, len(f) - 1))
+    first = min(max(nearest - width, 0), len(f) - 2 * width - 1)
+    return slice(first, first + 2 * width + 1)
