@@ -115,7 +115,7 @@ BEHAVIOURS = {
     names: ("model", ""),
     leaves_a_process: ("model", ""),
     dies: ("crash", "exit code 5; it printed 'last words'"),
-    hangs: ("hang", "no answer within 1 s"),
+    hangs: ("hang", "no answer within 5 s"),
     child_takes_memory: ("memory", "more than 128 MiB beyond"),
 }
 """Kind of the outcome of each, and its reason."""

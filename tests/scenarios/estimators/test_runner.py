@@ -29,13 +29,14 @@ from tests.scenarios.estimators.estimators import BEHAVIOURS
 from tests.scenarios.estimators.programs import KINDS
 
 HERE = Path(__file__).parent
+LIMIT = 5.0  # s: an answer takes a tenth of a second, on a busy machine many times that
 EXAMPLES = Path(__file__).parents[3] / "docs/examples"
 PROGRAMS = {
     "good": ("model", ""),
     "refuses": ("refused", "no such structure"),
     "fails": ("error", "exit code 2; it printed 'bad luck'"),
     "dies": ("crash", "signal SIGSEGV"),
-    "hangs": ("hang", "no answer within 1 s"),
+    "hangs": ("hang", "no answer within 5 s"),
     "nothing": ("malformed", "no model file written"),
     "two": ("malformed", "model.json, model.mat written"),
     "damaged": ("malformed", "model.nc is not a NetCDF4 file, or a damaged one"),
@@ -62,12 +63,12 @@ def test_functions(data, task):
     files = len(os.listdir("/proc/self/fd"))
     # Other tests of this process may keep workers of their own.
     children = set(psutil.Process().children())
-    limits = Limits(seconds=1.0, memory_bytes=2**27)
+    limits = Limits(seconds=LIMIT, memory_bytes=2**27)
     with EstimatorProcess(Estimator("any", "estimators.py:by_seed", home=str(HERE)), limits) as process:
         for number, (behaviour, (kind, why)) in enumerate(BEHAVIOURS.items()):
             outcome = process.ask(named, replace(task, seed=number))
             assert (outcome.kind, why in outcome.why) == (kind, True), f"{behaviour.__name__}: {vars(outcome)}"
-            assert outcome.why.isprintable() and outcome.wall < 10.0
+            assert outcome.why.isprintable() and outcome.wall < 12.0 * LIMIT
             assert (outcome.answer is not None) == (kind in ("model", "unstable"))
         outcome, folder = process.ask(data, replace(task, seed=0)), process._folder
     # Fewer where the process that reads files for earlier tests has ended meanwhile.
@@ -96,7 +97,7 @@ def test_the_process_of_a_function_loads_no_physics():
 def test_programs(data, task, stays):
     command = f"{sys.executable} -S programs.py {'stay' if stays else 'once'} {{task}} {{model}} {{csv}}"
     estimator = Estimator("program", command, program=True, stays=stays, home=str(HERE))
-    with EstimatorProcess(estimator, Limits(seconds=1.0)) as process:
+    with EstimatorProcess(estimator, Limits(seconds=LIMIT)) as process:
         for number, name in enumerate(KINDS):
             kind, why = (STAYS if stays else PROGRAMS)[name]
             outcome = process.ask(data, replace(task, seed=number))
