@@ -64,9 +64,10 @@ def figures(
       residuals      one step ahead, output by output (39, 70, 76)
       tests          whiteness and independence of them, pair by pair (40, 71, 72, 77, 78)
 
-    Models are identified from the first record, as hmtb identify does, and judged on every record: the others validate
-    them. Several joints or outputs give multivariable models: a method of one output (arx, armax, oe, bj, iv4) gives a
-    block for each joint, as the thesis' SysID model, one of several (okid, n4sid, pem_ss) the response of every path.
+    Models are identified from the first record, each method with orders and delay of its own choice unless they are
+    given, and judged on every record: the others validate them. Several joints or outputs give multivariable models: a
+    method of one output (arx, armax, oe, bj, iv4) gives a block for each joint, as the thesis' SysID model, one of
+    several (okid, n4sid, pem_ss) the response of every path.
     What a record cannot give is named with the reason, and the rest is drawn. The smoothing error, which the thesis
     does not define, is that of the best estimate of a sample from p samples on both sides of it. Files are read as by
     hmtb identify.

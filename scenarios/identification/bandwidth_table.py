@@ -73,11 +73,13 @@ def _bandwidth_cells(group: Sequence[RecoveredBandwidth]) -> tuple[str, str, str
 
 
 def _interval(ends: tuple[float, float]) -> str:
-    """Ends of an interval; of one that is open upwards the lower one."""
+    """Ends of an interval; where the record does not tell an end, the other one."""
     low, high = ends
     if not np.isfinite(low):
         return "—"
-    return f"{low:.3f} to {high:.3f}" if np.isfinite(high) else f"{low:.3f} or more"
+    if not np.isfinite(high):
+        return f"{low:.3f} or more" if low > 0.0 else "unknown"
+    return f"{low:.3f} to {high:.3f}" if low > 0.0 else f"up to {high:.3f}"
 
 
 def _counted(judgements: Iterable[bool | None]) -> str:

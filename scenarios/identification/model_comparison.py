@@ -12,7 +12,7 @@ import sysid
 from scenarios.files.result_table import ResultTable
 from scenarios.identification.identification import Identification, drifts, identify, relative_to_measured, usable
 from scenarios.identification.named_models import KnownModel, ModelName, known_models
-from scenarios.identification.result_tables import LARGEST_DECIMAL, SMALLEST_DECIMAL
+from scenarios.identification.result_tables import LARGEST_DECIMAL, SMALLEST_DECIMAL, ends_in_words
 from sysid import Estimate, FrequencyResponse, IOData, ModelFit, StateSpace
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.models.model_forms import as_model
@@ -82,6 +82,13 @@ class JudgedModel:
         interval = f"{_hz_text(low)} to {_hz_text(high)}" if np.isfinite(low) else ""
         return _hz_text(hz), interval
 
+    def distorted_cell(self, output: int, input: int) -> str:
+        """95 % interval of the bandwidth of a path with distortion and order; nothing where no error was measured."""
+        error = None if self.identification is None else self.identification.error
+        if error is None or not np.isfinite(self.bandwidth_hz[output, input]):
+            return ""
+        return ends_in_words(error.bandwidth(), output, input)
+
     @property
     def gain(self) -> NDArray[np.float64]:
         """Gain at 0 Hz of every path (ny, nu), NaN of those that integrate for a record of this length."""
@@ -90,7 +97,11 @@ class JudgedModel:
     def record(self) -> dict[str, object]:
         """Return what `hmtb compare --json` prints of it; of a single path numbers, else rows of outputs."""
         is_single_path = self.model.nu == self.model.ny == 1
-        paths = {"bandwidth_hz": self.bandwidth_hz, "ci95": self.ci95, "dc_gain": self.gain}
+        paths = {"bandwidth_hz": self.bandwidth_hz, "ci95": self.ci95}
+        if self.identification is not None and self.identification.error is not None:
+            ends = self.identification.error.bandwidth().ci95
+            paths["ci95_with_distortion_and_order"] = np.stack(ends, axis=-1)
+        paths["dc_gain"] = self.gain
         if is_single_path:
             paths = {name: values[0, 0] for name, values in paths.items()}
         half_power_hz = self._half_power_hz()
@@ -295,7 +306,7 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
         columns.insert(1, "output")
     if steps > 1:
         columns.append(f"{steps} steps %")
-    columns += ["bandwidth Hz", "95 % of parameters", "gain at 0 Hz", "stable"]
+    columns += ["bandwidth Hz", "95 % of parameters", "with distortion and order", "gain at 0 Hz", "stable"]
     rows = []
     for judged in models:
         gain, fit = judged.gain, judged.fit
@@ -313,7 +324,7 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
                 row.append(f"{fit.ahead[i]:.2f}")
             # Each output with its own input: of joints, the coupling is not shown.
             k = min(i, judged.model.nu - 1)
-            row += judged.bandwidth_cells(i, k)
+            row += [*judged.bandwidth_cells(i, k), judged.distorted_cell(i, k)]
             row.append("—" if np.isnan(gain[i, k]) else _gain_text(gain[i, k]))
             rows.append((*row, stable))
     return ResultTable(title, tuple(columns), tuple(rows))

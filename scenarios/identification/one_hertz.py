@@ -97,9 +97,8 @@ def coverage_in_words(rows: Rows) -> str:
     """Sentences on how many intervals hold the truth, which is not the same as being near 1 Hz."""
     total, refused = len(rows), sum(row.refused for row in rows)
     covering = sum(row.covers for row in rows)
-    sentence = (
-        f"Near 1 Hz is not the same as right: {covering} of {total} intervals at 95 % hold the small-signal truth"
-    )
+    of_total = f"{covering} of {total} intervals of parameters at 95 %"
+    sentence = f"Near 1 Hz is not the same as right: {of_total} hold the small-signal truth"
     measured = [row for row in rows if row.covers_best_linear is not None]
     if measured:
         agreeing = sum(bool(row.covers_best_linear) for row in measured)

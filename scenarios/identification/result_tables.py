@@ -602,7 +602,9 @@ def _bandwidth_from_line(error: ModelError, output: int, input: int, path: str) 
     hz = float(band.hz[output, input])
     if not isfinite(hz):
         return []
-    ends = ends_in_words(band, output, input)
+    low, high = (float(end[output, input]) for end in band.ci95)
+    # no bandwidth from the gain at the line lies below the line: there is no lower end but the line itself
+    ends = f"up to {high:.3g} Hz" if low <= line < high < np.inf else ends_in_words(band, output, input)
     name = f"-3 dB from the gain at {line:.3g} Hz{path}"
     return [
         (name, f"{hz:.4g} Hz, 95 % interval {ends} with distortion and order; the input is weak below {line:.3g} Hz")
@@ -616,7 +618,7 @@ def ends_in_words(band: Bandwidth, output: int, input: int) -> str:
         return "unknown"
     if not isfinite(high):
         return f"{low:.3g} Hz or more" if low > 0.0 else "unknown"
-    return f"{low:.3g} to {high:.3g} Hz" if low > 0.0 else f"0 to {high:.3g} Hz"
+    return f"{low:.3g} to {high:.3g} Hz" if low > 0.0 else f"up to {high:.3g} Hz"
 
 
 def _error_rows(fitted: FittedModel, error: ModelError | None) -> list[tuple[str, str]]:

@@ -44,6 +44,9 @@ SHORTEST = 100
 PULSE_LAGS = 40
 """Largest lag of a pulse response, samples."""
 
+UNTOLD = 10.0
+"""Deviation of a pulse response, relative to the ratio of output and input, beyond which it tells nothing."""
+
 WHITENING = 10
 """Coefficients of the filter that makes an input white: the default of the toolbox that the thesis used."""
 
@@ -201,6 +204,10 @@ def _correlation_analysis(measured: MeasuredRecord) -> CorrelationAnalysis:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SysidWarning)
         pulse = sysid.cra(parts, lags=min(PULSE_LAGS, lags, of_one_period), whitening=WHITENING)
+    # An input of a narrow band leaves single lags open, whose values are then as large as their deviations.
+    outputs, inputs = (np.vstack(signals).std(axis=0) for signals in zip(*((e.y, e.u) for e in parts), strict=True))
+    is_open = pulse.deviation > UNTOLD * outputs[:, None] / inputs
+    pulse = replace(pulse, deviation=np.where(is_open, np.inf, pulse.deviation))
     whitened = []
     for j in range(parts[0].nu):
         white = _whitened(parts, j)
@@ -227,7 +234,10 @@ def _correlation_panels(
     # An infinite bound marks lags that the inputs do not determine.
     values = np.where(np.isfinite(bound), pulse.response[:, output, input], np.nan)
     estimate = Series("from correlations", pulse.lags, values, points("oe", "^"), values - bound, values + bound)
-    return *panels, Panel(AFTER, channels.pulse_axis(output, input), [estimate], "pulse response")
+    title = "pulse response"
+    if not np.isfinite(bound).any():
+        title += ": the input has too narrow a band for it"
+    return *panels, Panel(AFTER, channels.pulse_axis(output, input), [estimate], title)
 
 
 def _largest_lag(parts: Sequence[IOData], period: int) -> int:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from sysid.frequency.spectra import response_of_spectra
+from sysid.frequency.spectra import SILENT, response_of_spectra
 from sysid.frequency.unclaimed_errors import scatter_messages, smoothing_messages
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation
@@ -13,8 +13,6 @@ from sysid.records.arguments import whole_number
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, warn_each
-
-SILENT = 1e-20  # power of a line, relative to the strongest, that is rounding
 
 
 def etfe(data: IOData | Sequence[IOData], *, smoothing: int = 0) -> FrequencyResponse:

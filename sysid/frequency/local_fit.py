@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from sysid.frequency.spectra import SILENT
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
@@ -107,6 +108,8 @@ class LocalFit:
 
         None where the inputs do not determine the response.
         """
+        if self._is_silent(frequency, width):
+            return None
         phi, y, distances = self._regression(frequency, width)
         nu, ny = self.records[0].inputs.shape[1], self.records[0].outputs.shape[1]
         count = self.degree + 1
@@ -135,6 +138,16 @@ class LocalFit:
             gram_diagonal[i] = np.sum(np.abs(inverse[places]) ** 2, axis=1)
         noise = errors.T @ errors.conj() / self.spare(width)
         return response, gram_diagonal * noise.diagonal().real[:, None], noise
+
+    def _is_silent(self, frequency: float, width: int) -> bool:
+        """Whether an input has no power but rounding at all lines about a frequency, in any experiment."""
+        whole, near = np.zeros((2, self.records[0].inputs.shape[1]))
+        for record in self.records:
+            power = np.abs(record.inputs) ** 2
+            rows = _window(record.frequencies, frequency, width)
+            whole = np.maximum(whole, power.max(axis=0))
+            near = np.maximum(near, power[rows].max(axis=0))
+        return bool((near <= SILENT * whole).any())
 
     def _regression(self, frequency: float, width: int) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """Regressors (n, p) of response and transients, outputs (n, ny) and scaled distances (n,) of lines near."""

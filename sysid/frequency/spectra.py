@@ -12,6 +12,8 @@ from sysid.records.arrays import ComplexArray, FloatArray, real_array
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError, SysidWarning
 
+SILENT = 1e-20  # power of a line, relative to the strongest, that is rounding
+
 
 def response_of_spectra(
     method: str,

@@ -101,8 +101,10 @@ class ModelError(Locked):
         for i in range(len(self.output_names)):
             text = self._reason(i)
             if self.parts is not None and self._changes[i].any() and np.isfinite(self.interval[0][:, i]).any():
+                # what the errors of the whole record do not show, its parts do
+                joined = ", but" if self.p_values[i] >= LEVEL else ";"
                 text += (
-                    f"; the gain differs between the {self.parts.count} parts of the records "
+                    f"{joined} the gain differs between the {self.parts.count} parts of the records "
                     f"(p = {self.parts.p_value:.2g}), as that of a nonlinearity does under a changing power, of a "
                     "plant that changes, or of a model that is too simple: the interval counts their scatter, and more "
                     "or longer records narrow it"

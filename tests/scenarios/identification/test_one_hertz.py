@@ -27,7 +27,7 @@ def test_near_1_hz_and_right_are_two_things():
     assert [(one.near, one.covers) for one in rows] == [(True, False), (False, True), (False, False)]
     assert [row(hz, hz, hz).near for hz in (0.79, 0.8, 1.25, 1.26)] == [False, True, True, False]
     words = coverage_in_words(rows)
-    assert "1 of 3 intervals at 95 % hold the small-signal truth" in words
+    assert "1 of 3 intervals of parameters at 95 % hold the small-signal truth" in words
     assert "1 of those near 1 Hz are too sure of themselves" in words
     assert "1 of 3 are not claimed" in words
 
