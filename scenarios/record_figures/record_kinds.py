@@ -236,7 +236,7 @@ def _correlation_panels(
     estimate = Series("from correlations", pulse.lags, values, points("oe", "^"), values - bound, values + bound)
     title = "pulse response"
     if not np.isfinite(bound).any():
-        title += ": the input has too narrow a band for it"
+        title += ": not determined by this input"
     return *panels, Panel(AFTER, channels.pulse_axis(output, input), [estimate], title)
 
 
