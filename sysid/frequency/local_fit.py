@@ -1,6 +1,7 @@
 """Least squares over neighbouring lines: a local polynomial or rational model of response and transient."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -25,11 +26,13 @@ class Lines:
         frequencies: Hz (n,).
         inputs: (n, nu).
         outputs: (n, ny).
+        is_odd: Whether the number of samples is odd, so that no line lies at Nyquist.
     """
 
     frequencies: FloatArray
     inputs: ComplexArray
     outputs: ComplexArray
+    is_odd: bool = False
 
     @classmethod
     def of(cls, experiment: IOData) -> "Lines":
@@ -41,7 +44,28 @@ class Lines:
             scipy.fft.rfftfreq(n, experiment.dt)[inner],
             scipy.fft.rfft(experiment.u, axis=0)[inner] / root,
             scipy.fft.rfft(experiment.y, axis=0)[inner] / root,
+            n % 2 == 1,
         )
+
+    def about(self, frequency: float, width: int) -> "Lines":
+        """The 2 width + 1 lines about a frequency, past both ends of the spectrum too.
+
+        There they are those of negative frequencies and beyond Nyquist, where all transforms are the conjugates: a
+        window that ended at the first line would extrapolate the response at its edge.
+        """
+        nearest = int(np.argmin(np.abs(self._circle.frequencies - frequency)))
+        rows = slice(nearest - width, nearest + width + 1)
+        return Lines(self._circle.frequencies[rows], self._circle.inputs[rows], self._circle.outputs[rows])
+
+    @cached_property
+    def _circle(self) -> "Lines":
+        """The lines from minus to twice Nyquist."""
+        # evenly spaced lines, but for 0 Hz and Nyquist between them: the last one and its image surround the latter
+        nyquist = self.frequencies[-1] + (0.5 if self.is_odd else 1.0) * self.frequencies[0]
+        back = self.frequencies[::-1]
+        f = np.concatenate((-back, self.frequencies, 2.0 * nyquist - back))
+        inputs, outputs = (np.concatenate((z[::-1].conj(), z, z[::-1].conj())) for z in (self.inputs, self.outputs))
+        return Lines(f, inputs, outputs)
 
 
 @dataclass(frozen=True)
@@ -143,10 +167,8 @@ class LocalFit:
         """Whether an input has no power but rounding at all lines about a frequency, in any experiment."""
         whole, near = np.zeros((2, self.records[0].inputs.shape[1]))
         for record in self.records:
-            power = np.abs(record.inputs) ** 2
-            rows = _window(record.frequencies, frequency, width)
-            whole = np.maximum(whole, power.max(axis=0))
-            near = np.maximum(near, power[rows].max(axis=0))
+            whole = np.maximum(whole, np.max(np.abs(record.inputs) ** 2, axis=0))
+            near = np.maximum(near, np.max(np.abs(record.about(frequency, width).inputs) ** 2, axis=0))
         return bool((near <= SILENT * whole).any())
 
     def _regression(self, frequency: float, width: int) -> tuple[ComplexArray, ComplexArray, FloatArray]:
@@ -157,14 +179,14 @@ class LocalFit:
         reach = max(float(record.frequencies[width] - record.frequencies[0]) for record in self.records)
         regressors, outputs, distances = [], [], []
         for k, record in enumerate(self.records):
-            rows = _window(record.frequencies, frequency, width)
-            r = (record.frequencies[rows] - frequency) / reach
+            near = record.about(frequency, width)
+            r = (near.frequencies - frequency) / reach
             terms = r[:, None] ** powers
-            of_response = record.inputs[rows][:, :, None] * terms[:, None, :]
+            of_response = near.inputs[:, :, None] * terms[:, None, :]
             of_transients = np.zeros((len(r), len(self.records), count))
             of_transients[:, k] = terms
             regressors.append(np.hstack((of_response.reshape(len(r), -1), of_transients.reshape(len(r), -1))))
-            outputs.append(record.outputs[rows])
+            outputs.append(near.outputs)
             distances.append(r)
         return np.vstack(regressors), np.vstack(outputs), np.concatenate(distances)
 
@@ -240,10 +262,3 @@ def _orthonormal_basis(columns: ComplexArray) -> ComplexArray:
 def _squares_left(basis: ComplexArray, y: ComplexArray) -> float:
     """Sum of squares of a signal (n,) beyond what a basis (n, r) explains."""
     return float(np.sum(np.abs(y - basis @ (basis.conj().T @ y)) ** 2))
-
-
-def _window(f: FloatArray, frequency: float, width: int) -> slice:
-    """The 2 width + 1 lines about a frequency; at an end of the spectrum those next to it."""
-    nearest = int(np.clip(np.round((frequency - f[0]) / (f[1] - f[0])), 0, len(f) - 1))
-    first = min(max(nearest - width, 0), len(f) - 2 * width - 1)
-    return slice(first, first + 2 * width + 1)

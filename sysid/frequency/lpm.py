@@ -49,8 +49,8 @@ def lpm(
         frequencies: Hz, above 0 and up to Nyquist (nf,); by default lines of the record, at most 400.
         degree: Of the polynomials.
         denominator: Degree of the denominators; 0 for polynomials.
-        half_width: Lines on either side; by default as few as leave 6 equations to show the noise. Of a band that
-            reaches past an end of the spectrum, lines on the other side take the place.
+        half_width: Lines on either side; by default as few as leave 6 equations to show the noise. Lines past 0 Hz
+            or Nyquist are conjugates of those within.
         period: Samples after which the input repeats: the lines are then those of the mean over its whole periods, the
             last ones of a record. Nonlinear distortion, which repeats with the input, scatters from line to line and
             counts as noise. By default the period is found from the inputs, where all experiments have the same and it
@@ -181,7 +181,9 @@ def _fast_changes(local: LocalFit, f: FloatArray, width: int) -> list[str]:
     lines = local.records[0].frequencies
     # a window that has the resonance at its end shows more of it than one about it
     apart = width * float(lines[1] - lines[0]) * np.array(BESIDE)
-    centres = np.unique(np.clip(asked[:, None] + apart, lines[0], lines[-1]))
+    centres = np.unique(asked[:, None] + apart)
+    # windows past an end of the spectrum are images of those within
+    centres = centres[(centres >= lines[0]) & (centres <= lines[-1])]
     p_values = np.array([local.p_of_polynomials(float(centre), width) for centre in centres])
     least = p_values < SIGNIFICANT / len(centres)
     near = np.abs(asked[:, None] - centres) <= 1.01 * apart.max()

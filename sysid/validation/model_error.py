@@ -12,7 +12,7 @@ from sysid.models.bandwidth import HALF_POWER, crossing_frequency
 from sysid.models.estimate import Bandwidth, Estimate, as_estimate
 from sysid.models.predict import predict
 from sysid.models.repeated_errors import LEVEL, RepeatedErrors, repeated_errors
-from sysid.records.arguments import frequency_list
+from sysid.records.arguments import frequency_list, real_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
@@ -37,6 +37,7 @@ FEWEST = 12  # lines about a frequency that tell noise and distortion from the e
 BESIDE_PARAMETERS = 6  # lines beyond the number of parameters
 REACH = 8.0  # ratio of frequencies within which lines count all the same
 BESIDE = 2.0  # ratio within which lines tell how fast the error changes
+UNLIKE = 0.005  # share of the input's power that differs between periods, from which it is told
 FEEDBACK = 1e-3  # p-value below which feedback is told
 MOST_LINES = 200  # about a frequency: the time grows with their third power
 ANCHORS = 24  # frequencies at which the posterior is computed, at most; between them it is interpolated
@@ -109,7 +110,7 @@ class ModelError(Locked):
                     "plant that changes, or of a model that is too simple: the interval counts their scatter, and more "
                     "or longer records narrow it"
                 )
-            texts.append(text)
+            texts.append(text + self._unlike_inputs(i))
         return tuple(texts)
 
     def bandwidth(self, reference: float | None = None) -> Bandwidth:
@@ -130,7 +131,7 @@ class ModelError(Locked):
         """
         order = np.argsort(self.frequencies, kind="stable")
         f = self.frequencies[order]
-        at = f[0] if reference is None else reference
+        at = f[0] if reference is None else real_number("reference", reference, "be at least 0", lambda hz: hz >= 0.0)
         if not np.any(f == at):
             raise SysidError(
                 f"reference: expected one of the {len(f)} frequencies, {f[0]:g} to {f[-1]:g} Hz, got {at:g}"
@@ -182,6 +183,18 @@ class ModelError(Locked):
         )
         return text + self._told_by_sequences(output)
 
+    def _unlike_inputs(self, output: int) -> str:
+        """Say that the recorded input differs between its periods, as noise of its measurement makes it."""
+        repeated = self.repeated[output]
+        differing = 0.0 if repeated is None else 1.0 - min(group.share for group in repeated.groups)
+        if differing < UNLIKE:
+            return ""
+        return (
+            f"; {100.0 * differing:.2g} % of the input's power differs from period to period: if that is noise of its "
+            f"measurement, gains from the true input are up to {100.0 * differing / (1.0 - differing):.2g} % larger, "
+            "which no interval counts"
+        )
+
     def _told_by_sequences(self, output: int) -> str:
         """Say whether the sequences show distortion, too low an order, or both."""
         compared = self.sequences[output]
@@ -232,8 +245,9 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     The best linear system is the one that is nearest to the true one, in mean square, under inputs of the spectrum and
     amplitude of this record [Pintelon2012, ch. 3]; at other amplitudes it is another one. Distortion that changes
     smoothly from line to line, as under a slow sweep, cannot be seen in one sequence. Nor does the simulation show what
-    feedback does to a model (`reasons` say where there is some), and at the peak of a lightly damped resonance that the
-    model lacks the interval falls short.
+    feedback does to a model (`reasons` say where there is some), and at the peak of a lightly damped resonance, or at
+    the dip of an antiresonance, that the model lacks the interval falls short. Noise in the measurement of the input
+    lowers the gain from the recorded input, which is the one that is estimated.
 
     Args:
         estimate: A stable model with the covariance of its parameters.
