@@ -1,6 +1,6 @@
 """`hmtb control`: the ground arm made to answer like the flight arm, and how well it does."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -35,6 +35,9 @@ MULTISINE = "multisine"
 
 FILES_OF_OUT = {"without", "reference", "control", "model-ground", "model-reference"}
 """Names in the folder of --out that no design may have."""
+
+SHORTEST_RUN = 1.0
+"""Shortest run that is judged, s."""
 
 WAVEFORM_SECONDS = 20.0
 """Length of a thesis waveform, s: its file of two seconds repeats."""
@@ -121,11 +124,11 @@ def control(
         changed_arms(free)
     # A model from a file has no arm to simulate.
     arm = reference if reference in VARIANTS else None
-    names = ("control.json", *(f"{name}.json" for name in designers))  # logs and figures come with these
+    names = _file_names(draws, list(designers), with_stress=with_stress)
     with optional_folder(out, *names, overwrite=overwrite) as folder:
         with progress("identification") as bar:
             pair = identify_pair(seed, ground=ground, record=record, reference=reference, threads=threads, progress=bar)
-        laws = {name: design(pair) for name, design in designers.items()}
+        laws = {name: _designed(design, pair, record) for name, design in designers.items()}
         with progress("runs") as bar:
             runs = run_scenarios(draws, laws, reference=arm, threads=threads, progress=bar)
         scored: list[ControlResult] = []
@@ -185,7 +188,40 @@ def _tested(
     ground = identification_of(described, seeds[0], payload)
     # The frequency test describes no arm of its own: it runs on that of the scenarios.
     tested = [on_arm_of(ground, frequency_test(draw)) if isinstance(draw, int) else draw for draw in draws]
+    _check_runs(tested)
     return ground, tested
+
+
+def _check_runs(draws: "Sequence[Tested]") -> None:
+    """Raise `ScenarioError` if a run is too short to be judged, or if two cannot be told apart by name and seed."""
+    told = set()
+    for tested in draws:
+        if tested.duration < SHORTEST_RUN:
+            raise ScenarioError(
+                f"{tested.name}: a duration of {tested.duration:g} s given, expected {SHORTEST_RUN:g} s or more: "
+                "whether a run is stable shows in the growth of its error"
+            )
+        if (tested.name, tested.seed) in told:
+            raise ScenarioError(
+                f"two scenarios with the name {tested.name} and the seed {tested.seed} given: expected other names, "
+                "which tables, figures and files of --out tell them apart by"
+            )
+        told.add((tested.name, tested.seed))
+
+
+def _designed(design: "Callable[[IdentifiedPair], Law]", pair: "IdentifiedPair", record: Path | None) -> "Law":
+    """Design a controller; an error names the record that the model of the ground arm is from."""
+    from sysid import SysidError
+
+    try:
+        return design(pair)
+    except SysidError as error:
+        if record is None:
+            raise
+        raise ScenarioError(
+            f"{record.name}: no controller follows from its model ({error}); expected a record of some minutes, four "
+            "without --record, in which all six joints move independently of each other"
+        ) from error
 
 
 def _options(payload: str | None, friction_level: float | None, record: Path | None, reference: str) -> list[object]:
@@ -202,6 +238,17 @@ def _options(payload: str | None, friction_level: float | None, record: Path | N
 def _method_name(word: str) -> str:
     """Name of a method, or of the file of a design without its ending."""
     return Path(word).stem if word.endswith(".json") else word
+
+
+def _file_names(draws: "Sequence[Tested]", designs: Sequence[str], *, with_stress: bool) -> list[str]:
+    """Names of all files that a run may write, so that none that exists is replaced unasked."""
+    names = ["control.json", "model-ground.json", "model-reference.json", *(f"{name}.json" for name in designs)]
+    for k, tested in enumerate(draws):
+        names += [f"{tested.name}-{k}-{run}.nc" for run in ("without", "reference", *designs)]
+    figures = ["errors", *(["stress"] if with_stress else [])]
+    for name in dict.fromkeys(tested.name for tested in draws):
+        figures += [f"{name}-run", f"{name}-response"]
+    return names + [f"{name}.{ending}" for name in figures for ending in ("png", "svg")]
 
 
 def _write(

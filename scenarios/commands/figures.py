@@ -67,10 +67,9 @@ def figures(
     Models are identified from the first record, each method with orders and delay of its own choice unless they are
     given, and judged on every record: the others validate them. Several joints or outputs give multivariable models: a
     method of one output (arx, armax, oe, bj, iv4) gives a block for each joint, as the thesis' SysID model, one of
-    several (okid, n4sid, pem_ss) the response of every path.
-    What a record cannot give is named with the reason, and the rest is drawn. The smoothing error, which the thesis
-    does not define, is that of the best estimate of a sample from p samples on both sides of it. Files are read as identify
-    reads them.
+    several (okid, n4sid, pem_ss) the response of every path. What a record cannot give is named with the reason, and
+    the rest is drawn. The smoothing error, which the thesis does not define, is that of the best estimate of a sample
+    from p samples on both sides of it. Files are read as identify reads them.
 
       hmtb figures siso-5-elbow_pitch.nc
       hmtb figures siso-5-elbow_pitch.nc siso-8-elbow_pitch.nc --models armax:2/2/2/2 okid:2/5 truth

@@ -9,6 +9,7 @@ import pytest
 import sysid
 from hmtb_twin import JointLog, Plant, Specimen, simulate
 from scenarios import load
+from scenarios.commands.control import _file_names
 from scenarios.control.campaign import CONTROLLED, EXCITATION, identification_experiment, identify_pair
 from scenarios.control.design import METHODS, read_law, write_law, wrong_model
 from scenarios.control.study import CONDITIONS, WRONG
@@ -44,8 +45,18 @@ def test_results_designs_logs_and_figures(result, files, tmp_path):
     assert (ground.order, ground.nu, ground.ny, ground.D.any()) == (18, 6, 6, False)
     # Every joint follows its own command slowly.
     np.testing.assert_allclose(np.diag(ground.dc_gain()), 1.0, atol=0.1)
+    # Whatever a run writes is announced, and replaced only if asked.
+    ground, figures = (_file_names([load("reach")], ["following"], with_stress=stress) for stress in (False, True))
+    assert {path.name for path in out.iterdir()} <= set(figures) and set(ground) < set(figures)
     again = result("control", "reach", *files, "--duration", 6, "--method", out / "following.json")
     assert again["runs"] == done["runs"]
+
+
+@pytest.mark.parametrize("name", ["model-ground.json", "errors.png", "reach-run.svg", "reach-0-without.nc"])
+def test_no_file_of_any_kind_is_replaced_unasked(complaint, files, tmp_path, name):
+    (tmp_path / name).write_text("mine")
+    assert "exists: --overwrite" in complaint("control", "reach", *files, "--out", tmp_path)
+    assert (tmp_path / name).read_text() == "mine"
 
 
 @pytest.mark.slow
@@ -82,6 +93,8 @@ def test_designs_of_files_stay_as_they_are(result, files, tmp_path):
         (("reach", "--method", "{two}"), "2 loops"),
         (("reach", "--method", "{taken}"), "none of a file of --out"),
         (("rpcm", "--with-stress"), "expected one, as reach"),
+        (("reach", "reach"), "two scenarios with the name reach and the seed"),
+        (("reach", "--duration", 0.06), "reach: a duration of 0.06 s given, expected 1 s or more"),
         (("reach", "--with-stress", "--friction-level", 20), "'worn seals': plant: friction_level = 160.0 given"),
         (("reach", "track-elbow_pitch"), "payload = rpcm and track-elbow_pitch with none given, expected one arm"),
         (("track-elbow_pitch", "--payload", "rpcm"), "rpcm follows itself"),

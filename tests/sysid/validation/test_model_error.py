@@ -335,3 +335,23 @@ def test_refusals():
     unstable = sysid.arx(IOData(data.u, np.cumsum(np.cumsum(data.y)) * np.geomspace(1, 1e3, 3000), DT), 2, 1, 1)
     if not unstable.model.is_stable():
         refused("stable", model_error, unstable, data, [1.0])
+
+
+def test_noise_in_the_measured_input_is_told_with_what_it_may_take_from_the_gain():
+    rng = np.random.default_rng(0)
+    u = np.tile(np.repeat(np.sign(rng.standard_normal(100)), 5), 6)
+    y = lfilter([0.0, 0.1], [1.0, -0.9], u) + 0.02 * rng.standard_normal(len(u))
+    told = []
+    for deviation in (0.0, 0.3):
+        data = IOData(u + deviation * rng.standard_normal(len(u)), y, 0.02)
+        (reason,) = model_error(sysid.oe(data, 1, 1, 1), data, [1.0]).reasons
+        told.append(reason)
+    assert "differs from period to period" not in told[0]
+    assert "8.2 % of the input's power differs from period to period" in told[1]
+
+
+@pytest.mark.parametrize("reference", [[0.3, 0.4], "a", float("nan"), -1.0])
+def test_a_reference_that_is_no_frequency_is_refused(reference):
+    data = linear_record(0, 500)
+    error = model_error(sysid.oe(data, 1, 1, 1), data, np.geomspace(0.1, 10.0, 60))
+    refused("reference must be at least 0", error.bandwidth, reference)
