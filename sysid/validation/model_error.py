@@ -19,6 +19,7 @@ from sysid.records.errors import SysidError, SysidWarning
 from sysid.records.excited_band import lowest_strong_line
 from sysid.records.printing import Part, Table
 from sysid.records.repetition import LEAST_SHARE, STILL, Repetition, unrepeated_share
+from sysid.validation.alike_inputs import least_frequency_told
 from sysid.validation.feedback import feedback
 from sysid.validation.misfit_posterior import OCTAVES, Hypotheses, Lines, posterior, width_probabilities
 from sysid.validation.parts_of_record import PartsOfRecord, compare_parts
@@ -64,6 +65,8 @@ class ModelError(Locked):
         sequences: Errors under several sequences, compared: whether they are alike, as too low an order makes them, or
             differ, as distortion does, per output.
         parts: Gains of the parts of records without repetition, compared; None of records that repeat.
+        least_told: Frequency, Hz, below which errors of two paths look alike, as one input copies another a little
+            later; 0 without such inputs. Where noise does not explain the errors, intervals below it are NaN.
         p_feedback: Least p-value of "the inputs do not depend on past outputs", where noise explains the errors; NaN
             where it is not tested.
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
@@ -80,6 +83,7 @@ class ModelError(Locked):
     repeated: tuple[RepeatedErrors | None, ...]
     sequences: tuple[SequencesCompared, ...]
     parts: PartsOfRecord | None
+    least_told: float
     p_feedback: float
     strong_line: float
     input_names: tuple[str, ...]
@@ -109,6 +113,11 @@ class ModelError(Locked):
                     f"(p = {self.parts.p_value:.2g}), as that of a nonlinearity does under a changing power, of a "
                     "plant that changes, or of a model that is too simple: the interval counts their scatter, and more "
                     "or longer records narrow it"
+                )
+            if self.p_values[i] < LEVEL and self.least_told > 0.0:
+                text += (
+                    f"; one input plays the sequence of another one a little later: below {self.least_told:.3g} Hz "
+                    "the record does not tell which path has the error; sequences of their own would"
                 )
             texts.append(text + self._unlike_inputs(i))
         return tuple(texts)
@@ -152,8 +161,8 @@ class ModelError(Locked):
     def _reason(self, output: int) -> str:
         name, p_value = self.output_names[output], self.p_values[output]
         repeated = self.repeated[output]
-        if not np.isfinite(p_value) or (p_value < LEVEL and np.isnan(self.interval[0][:, output]).all()):
-            lines, needed = self.line_counts[output]
+        lines, needed = self.line_counts[output]
+        if not np.isfinite(p_value) or (p_value < LEVEL and lines < needed):
             more = "a longer record" if repeated is None else "a sequence with a longer period, or several sequences"
             return (
                 f"{name}: noise, distortion and too low an order cannot be told from each other: the input has {lines} "
@@ -289,6 +298,10 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     noise_alone = _interval_of_parameters(as_if_errors_were_independent(estimate), f)
     outputs = [_errors_of_output(estimate, scored, [error[:, i] for error in errors], i) for i in range(ny)]
     low, high = _interval(estimate, gain, outputs, f)
+    least_told = least_frequency_told(scored) if any(output.p_value < LEVEL for output in outputs) else 0.0
+    for i, output in enumerate(outputs):
+        if output.p_value < LEVEL:
+            low[f < least_told, i] = high[f < least_told, i] = np.nan
     parts = None
     if all(output.repeated is None for output in outputs):
         parts = compare_parts(estimate, scored)
@@ -304,6 +317,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         repeated=tuple(output.repeated for output in outputs),
         sequences=tuple(output.sequences for output in outputs),
         parts=parts,
+        least_told=least_told,
         p_feedback=_p_of_feedback(scored) if any(output.p_value >= LEVEL for output in outputs) else float("nan"),
         strong_line=lowest_strong_line(scored),
         input_names=estimate.data.input_names,

@@ -358,3 +358,20 @@ def test_a_reference_that_is_no_frequency_is_refused(reference):
     data = linear_record(0, 500)
     error = model_error(sysid.oe(data, 1, 1, 1), data, np.geomspace(0.1, 10.0, 60))
     refused("reference must be at least 0", error.bandwidth, reference)
+
+
+@pytest.mark.parametrize(("shift", "least"), [(20, 5.0), (100, 1.0), (-100, 1.0), (None, 0.0)])
+def test_paths_of_an_input_and_its_copy_are_not_told_apart(shift, least):
+    """A copy 0.4 s later: with too low an order the intervals at 1 Hz held the gain in 42 % of 60 records."""
+    rng = np.random.default_rng(4)
+    sequence = np.repeat(np.sign(rng.standard_normal(100)), 5)
+    other = np.sign(rng.standard_normal(500)) if shift is None else np.roll(sequence, shift)
+    u = np.tile(np.column_stack((sequence, other)), (6, 1))
+    y = lfilter([0.0, 0.0, 0.02], np.convolve([1.0, -0.9], [1.0, -0.8]), u[:, 0]) + lfilter(
+        [0.0, 0.02], [1, -0.95], u[:, 1]
+    )
+    data = IOData(u, y + 0.02 * rng.standard_normal(len(u)), DT)
+    error = model_error(sysid.oe(data, [1, 1], [1, 1], [1, 1]), data, [0.5, 2.0, 6.0])
+    assert error.least_told == pytest.approx(least)
+    np.testing.assert_array_equal(np.isnan(error.interval[0][:, 0, 0]), error.frequencies < least)
+    assert ("does not tell which path" in error.reasons[0]) == (shift is not None)
