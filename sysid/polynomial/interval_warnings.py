@@ -14,6 +14,7 @@ from sysid.records.arrays import FloatArray
 
 MEMORY = 8.0  # time constants of a root of C or D in a record, up to which intervals are known to fail
 FEW = 35  # errors for each parameter below which intervals of a noise model are known to be too narrow
+FEW_OF_SERIES = 80  # likewise of a time series, whose A no input tells
 EDGE = 1e-4  # distance of a root from the unit circle below which intervals by linear propagation may be wrong
 
 # Square of the difference between C and D in standard deviations, up to which their intervals are known to be too
@@ -175,9 +176,11 @@ def _short_record(orders: Orders, errors: int) -> list[str]:
     of 200 records of 200 samples, in 95 % at 500; those of A and B in 92, 93 and 94 %, those of oe in 94 % at 80. Those
     of C and D of bj(2, 2, 2, 2), nearly cancelling, held in 38 % of 60 records of 80 samples, of B and F in 79 %. Of
     400 records each, C of bj(2, 1, 1, 2) in 91, 91 and 93 % at 20, 27 and 33 errors for each parameter, that of
-    armax(2, 2, 1) in 92 and 94 % at 32 and 40.
+    armax(2, 2, 1) in 92 and 94 % at 32 and 40. Of 800 time series each, C of arma(2, 1) in 91, 92, 91, 93 and 94 % at
+    40, 50, 60, 80 and 107.
     """
-    if not (orders.nc or orders.nd) or errors >= FEW * orders.count:
+    few = FEW if orders.nb else FEW_OF_SERIES
+    if not (orders.nc or orders.nd) or errors >= few * orders.count:
         return []
     return [
         f"{errors} errors for {orders.count} parameters are few: intervals of the noise model are too narrow, "

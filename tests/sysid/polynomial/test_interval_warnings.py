@@ -202,3 +202,14 @@ def test_known_polynomials_and_those_without_roots_share_none():
     two = IOData(np.column_stack((u, rng.standard_normal(300))), record.y, 1.0)
     (message,) = _shares_root(sysid.oe(two, [2, 1], [2, 0]))
     assert message.startswith("B and F of input 1 nearly share a root: what holds them apart is")
+
+
+@pytest.mark.parametrize(("samples", "warned"), [(200, True), (300, False)])
+def test_a_time_series_needs_more_errors_than_a_record_with_an_input(samples, warned):
+    """C of arma(2, 1) held in 91 % of 800 series at 40 to 60 errors for each parameter, in 94 % at 107."""
+    e = np.random.default_rng(0).standard_normal(samples)
+    series = sysid.IOData(np.zeros((samples, 0)), lfilter([1.0, 0.5], [1.0, -1.2, 0.5], e), 1.0)
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        sysid.arma(series, 2, 1)
+    assert any("are few" in str(message.message) for message in caught) == warned
