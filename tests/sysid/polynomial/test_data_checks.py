@@ -128,4 +128,4 @@ def test_spectra_name_the_channels_whose_mean_leaks(method):
     leak = r"the mean dominates u1 \(mean 9\.\d+, standard deviation [\d.]+\), y1"
     with pytest.warns(SysidWarning, match=leak) as warned:
         method(record(10.0, 40.0))
-    assert len(warned) == 1
+    assert sum("the mean dominates" in str(one.message) for one in warned) == 1
