@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from sysid.frequency.local_fit import Lines, LocalFit, left_by_rational
+from sysid.frequency.local_fit import SPARE, Lines, LocalFit, left_by_rational
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
@@ -45,7 +45,7 @@ def smoothing_messages(experiments: Sequence[IOData], response: FrequencyRespons
     found = []
     for k in asked:
         width = min(round(0.5 * float(response.resolution[k]) * duration), most)
-        if local.spare(width) < 1:
+        if local.spare(width) < SPARE:
             continue
         p_value, ratio, share = local.of_constant(float(f[k]), width)
         if p_value < SIGNIFICANT / len(asked) and ratio > least and share > LEAST_SMOOTHING:
