@@ -5,12 +5,14 @@ from functools import cached_property
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from sysid.frequency.spectra import SILENT
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 
+UPPER_95 = 0.975  # probability at the upper end of a 95 % interval
 SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
 ADDED = 2  # degree of the denominators that show whether polynomials suffice
 DEPENDENT = (
@@ -26,13 +28,15 @@ class Lines:
         frequencies: Hz (n,).
         inputs: (n, nu).
         outputs: (n, ny).
+        numbers: Number of each line, the same for its image past 0 Hz or Nyquist (n,).
         is_odd: Whether the number of samples is odd, so that no line lies at Nyquist.
     """
 
     frequencies: FloatArray
     inputs: ComplexArray
     outputs: ComplexArray
-    is_odd: bool = False
+    numbers: NDArray[np.int_]
+    is_odd: bool
 
     @classmethod
     def of(cls, experiment: IOData) -> "Lines":
@@ -44,6 +48,7 @@ class Lines:
             scipy.fft.rfftfreq(n, experiment.dt)[inner],
             scipy.fft.rfft(experiment.u, axis=0)[inner] / root,
             scipy.fft.rfft(experiment.y, axis=0)[inner] / root,
+            np.arange(1, (n + 1) // 2),
             n % 2 == 1,
         )
 
@@ -54,8 +59,9 @@ class Lines:
         window that ended at the first line would extrapolate the response at its edge.
         """
         nearest = int(np.argmin(np.abs(self._circle.frequencies - frequency)))
-        rows = slice(nearest - width, nearest + width + 1)
-        return Lines(self._circle.frequencies[rows], self._circle.inputs[rows], self._circle.outputs[rows])
+        rows, all_lines = slice(nearest - width, nearest + width + 1), self._circle
+        signals = all_lines.inputs[rows], all_lines.outputs[rows]
+        return Lines(all_lines.frequencies[rows], *signals, all_lines.numbers[rows], self.is_odd)
 
     @cached_property
     def _circle(self) -> "Lines":
@@ -65,7 +71,25 @@ class Lines:
         back = self.frequencies[::-1]
         f = np.concatenate((-back, self.frequencies, 2.0 * nyquist - back))
         inputs, outputs = (np.concatenate((z[::-1].conj(), z, z[::-1].conj())) for z in (self.inputs, self.outputs))
-        return Lines(f, inputs, outputs)
+        numbers = np.concatenate((self.numbers[::-1], self.numbers, self.numbers[::-1]))
+        return Lines(f, inputs, outputs, numbers, self.is_odd)
+
+
+@dataclass(frozen=True)
+class _Regression:
+    """Equations of the lines about a frequency.
+
+    Attributes:
+        regressors: Of response and transients (n, p).
+        outputs: (n, ny).
+        distances: From the frequency, scaled (n,).
+        images: Pairs of rows that are conjugates of each other, whose noise is the same (m, 2).
+    """
+
+    regressors: ComplexArray
+    outputs: ComplexArray
+    distances: FloatArray
+    images: NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -116,36 +140,35 @@ class LocalFit:
             )
 
     def solve_all(self, f: FloatArray, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray]:
-        """Response (nf, ny, nu), its variance, and covariance of the noise (nf, ny, ny); NaN where it is not known."""
+        """Response (nf, ny, nu), its covariance (nf, ny, nu, 2, 2), and that of the noise (nf, ny, ny); NaN if open."""
         ny, nu = self.records[0].outputs.shape[1], self.records[0].inputs.shape[1]
         response = np.full((len(f), ny, nu), np.nan, dtype=complex)
-        variance = np.full((len(f), ny, nu), np.nan)
+        covariance = np.full((len(f), ny, nu, 2, 2), np.nan)
         noise = np.full((len(f), ny, ny), np.nan, dtype=complex)
         for k, frequency in enumerate(f):
             fit = self.solve(float(frequency), width)
             if fit is not None:
-                response[k], variance[k], noise[k] = fit
-        return response, variance, noise
+                response[k], covariance[k], noise[k] = fit
+        return response, covariance, noise
 
     def solve(self, frequency: float, width: int) -> tuple[ComplexArray, FloatArray, ComplexArray] | None:
-        """Response (ny, nu), its variance (ny, nu) and the covariance of the noise (ny, ny) at a frequency.
+        """Response (ny, nu), covariance of its parts (ny, nu, 2, 2) and of the noise (ny, ny) at a frequency.
 
         None where the inputs do not determine the response.
         """
         if self._is_silent(frequency, width):
             return None
-        phi, y, distances = self._regression(frequency, width)
+        about = self._regression(frequency, width)
         nu, ny = self.records[0].inputs.shape[1], self.records[0].outputs.shape[1]
-        count = self.degree + 1
         response = np.empty((ny, nu), dtype=complex)
-        gram_diagonal = np.empty((ny, nu))
-        errors = np.empty_like(y)
+        weights = np.empty((ny, nu, len(about.outputs)), dtype=complex)
+        errors = np.empty_like(about.outputs)
         # the constant terms of the polynomials of the response
-        places = np.arange(nu) * count
+        places = np.arange(nu) * (self.degree + 1)
         for i in range(ny):
-            columns = phi
+            columns, y = about.regressors, about.outputs[:, i]
             if self.denominator:
-                columns = np.hstack((phi, _of_denominator(y[:, i], distances, self.denominator)))
+                columns = np.hstack((columns, _of_denominator(y, about.distances, self.denominator)))
             lengths = np.linalg.norm(columns, axis=0)
             if (lengths[places] == 0.0).any():
                 return None
@@ -156,12 +179,19 @@ class LocalFit:
             # a combination of inputs that has no effect leaves the response open
             if not kept.all() and np.abs(right[~kept][:, places]).max() > np.sqrt(DEPENDENT):
                 return None
-            theta = inverse @ (left[:, kept].conj().T @ y[:, i])
-            errors[:, i] = y[:, i] - columns @ theta
+            theta = inverse @ (left[:, kept].conj().T @ y)
+            errors[:, i] = y - columns @ theta
             response[i] = theta[places]
-            gram_diagonal[i] = np.sum(np.abs(inverse[places]) ** 2, axis=1)
+            weights[i] = inverse[places] @ left[:, kept].conj().T
         noise = errors.T @ errors.conj() / self.spare(width)
-        return response, gram_diagonal * noise.diagonal().real[:, None], noise
+        widened = noise.diagonal().real * self._few_values(len(about.images), width)
+        return response, _covariance(weights, about.images) * widened[:, None, None, None], noise
+
+    def _few_values(self, images: int, width: int) -> float:
+        """Factor on variances from lines of which some are images of others, and so tell less of the noise."""
+        spare = 2.0 * self.spare(width)
+        fewer = max(spare - 2.0 * images, 1.0)
+        return float(scipy.stats.t.ppf(UPPER_95, fewer) / scipy.stats.t.ppf(UPPER_95, spare)) ** 2
 
     def _is_silent(self, frequency: float, width: int) -> bool:
         """Whether an input has no power but rounding at all lines about a frequency, in any experiment."""
@@ -171,13 +201,13 @@ class LocalFit:
             near = np.maximum(near, np.max(np.abs(record.about(frequency, width).inputs) ** 2, axis=0))
         return bool((near <= SILENT * whole).any())
 
-    def _regression(self, frequency: float, width: int) -> tuple[ComplexArray, ComplexArray, FloatArray]:
-        """Regressors (n, p) of response and transients, outputs (n, ny) and scaled distances (n,) of lines near."""
+    def _regression(self, frequency: float, width: int) -> _Regression:
+        """Equations of the lines about a frequency."""
         powers = np.arange(self.degree + 1)
         count = self.degree + 1
         # the polynomial of the response, which all experiments share, needs one scale of frequency
         reach = max(float(record.frequencies[width] - record.frequencies[0]) for record in self.records)
-        regressors, outputs, distances = [], [], []
+        regressors, outputs, distances, images = [], [], [], []
         for k, record in enumerate(self.records):
             near = record.about(frequency, width)
             r = (near.frequencies - frequency) / reach
@@ -188,11 +218,14 @@ class LocalFit:
             regressors.append(np.hstack((of_response.reshape(len(r), -1), of_transients.reshape(len(r), -1))))
             outputs.append(near.outputs)
             distances.append(r)
-        return np.vstack(regressors), np.vstack(outputs), np.concatenate(distances)
+            first, second = np.nonzero(np.triu(near.numbers[:, None] == near.numbers, 1))
+            images.append(k * len(r) + np.column_stack((first, second)))
+        return _Regression(np.vstack(regressors), np.vstack(outputs), np.concatenate(distances), np.concatenate(images))
 
     def p_of_polynomials(self, frequency: float, width: int) -> float:
         """Least p-value of an output of the hypothesis that polynomials suffice, and denominators explain nothing."""
-        phi, y, distances = self._regression(frequency, width)
+        about = self._regression(frequency, width)
+        phi, y, distances = about.regressors, about.outputs, about.distances
         basis = _orthonormal_basis(phi)
         least = 1.0
         for i in range(y.shape[1]):
@@ -200,7 +233,8 @@ class LocalFit:
             fitted = basis @ (basis.conj().T @ y[:, i])
             whole = np.hstack((phi, _of_denominator(fitted, distances, ADDED)))
             rational = _orthonormal_basis(whole)
-            freedom, added = len(y) - rational.shape[1], rational.shape[1] - basis.shape[1]
+            freedom = len(y) - len(about.images) - rational.shape[1]
+            added = rational.shape[1] - basis.shape[1]
             if freedom < ADDED or added < 1:
                 continue
             left = _squares_left(basis, y[:, i])
@@ -217,12 +251,14 @@ class LocalFit:
             Of the output with the least p-value: the p-value of "constant", the ratio of the powers of the noise, that
             beside a constant over that beside polynomials, and their difference over the power of the output.
         """
-        phi, y, _ = self._regression(frequency, width)
+        about = self._regression(frequency, width)
+        phi, y = about.regressors, about.outputs
         nu, count = self.records[0].inputs.shape[1], self.degree + 1
         varying = [i * count + power for i in range(nu) for power in range(1, count)]
         constant = _orthonormal_basis(np.delete(phi, varying, axis=1))
         polynomial = _orthonormal_basis(phi)
-        freedom, added = len(y) - polynomial.shape[1], polynomial.shape[1] - constant.shape[1]
+        freedom = len(y) - len(about.images) - polynomial.shape[1]
+        added = polynomial.shape[1] - constant.shape[1]
         if freedom < 1 or added < 1:
             return 1.0, 1.0, 0.0
         of_outputs = []
@@ -235,6 +271,23 @@ class LocalFit:
             share = explained / max(float(np.sum(np.abs(y[:, i]) ** 2)), np.finfo(float).tiny)
             of_outputs.append((p_value * y.shape[1], ratio, share))
         return min(of_outputs)
+
+
+def _covariance(weights: ComplexArray, images: NDArray[np.int_]) -> FloatArray:
+    """Covariance of real and imaginary part (..., 2, 2) of weighted sums of the noise of lines, weights (..., n).
+
+    The noise of a line is circular. That of its image is the conjugate: together they make the parts unlike, and at
+    0 Hz and Nyquist the sum real.
+    """
+    variance = np.sum(np.abs(weights) ** 2, axis=-1)
+    of_images = 2.0 * np.sum(weights[..., images[:, 0]] * weights[..., images[:, 1]], axis=-1)
+    # the mean of the square of the sum is no larger than that of its absolute value, but for rounding
+    of_images *= np.minimum(1.0, variance / np.maximum(np.abs(of_images), np.finfo(float).tiny))
+    covariance = np.empty((*variance.shape, 2, 2))
+    covariance[..., 0, 0] = 0.5 * (variance + of_images.real)
+    covariance[..., 1, 1] = 0.5 * (variance - of_images.real)
+    covariance[..., 0, 1] = covariance[..., 1, 0] = 0.5 * of_images.imag
+    return covariance
 
 
 def left_by_rational(u: ComplexArray | FloatArray, y: ComplexArray, distances: FloatArray, degree: int) -> float:

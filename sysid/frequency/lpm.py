@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from sysid.frequency.local_fit import Lines, LocalFit
 from sysid.frequency.spectra import checked_frequencies
-from sysid.models.frequency_response import FrequencyResponse, complex_covariance
+from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation
 from sysid.records.arguments import whole_number
 from sysid.records.arrays import FloatArray
@@ -90,7 +90,7 @@ def lpm(
         f = _default_frequencies(shortest, first.dt)
     else:
         f = checked_frequencies(frequencies, first.dt, zero=False)
-    response, variance, noise = local.solve_all(f, width)
+    response, covariance, noise = local.solve_all(f, width)
     warn_each(_fast_changes(local, f, width))
     if not np.isfinite(response).any():
         warnings.warn(
@@ -99,8 +99,6 @@ def lpm(
             SysidWarning,
             stacklevel=2,
         )
-    covariance = complex_covariance(variance, f, first.dt)
-    covariance[~np.isfinite(variance)] = np.nan
     return FrequencyResponse(
         frequencies=f,
         response=response,
