@@ -194,6 +194,7 @@ def _tested(
 
 def _check_runs(draws: "Sequence[Tested]") -> None:
     """Raise `ScenarioError` if a run is too short to be judged, or if two cannot be told apart by name and seed."""
+    # Figures join the runs of a name, and the table shows name and seed alone.
     told = set()
     for tested in draws:
         if tested.duration < SHORTEST_RUN:
@@ -242,6 +243,7 @@ def _method_name(word: str) -> str:
 
 def _file_names(draws: "Sequence[Tested]", designs: Sequence[str], *, with_stress: bool) -> list[str]:
     """Names of all files that a run may write, so that none that exists is replaced unasked."""
+    # A run at the worksite writes fewer of them; a name too many only asks for --overwrite.
     names = ["control.json", "model-ground.json", "model-reference.json", *(f"{name}.json" for name in designs)]
     for k, tested in enumerate(draws):
         names += [f"{tested.name}-{k}-{run}.nc" for run in ("without", "reference", *designs)]

@@ -20,6 +20,7 @@ from sysid.models.predict import aligned, channels_in
 from sysid.models.static_gain import gain_told_by
 from sysid.polynomial.fit_with_offset import subtract_means, unexplained_lines, unexplained_offset
 from sysid.validation.compare import OWN_DATA, is_training
+from sysid.validation.model_error import ModelError
 from sysid.validation.own_line import has_line
 
 DRIFTS = "beside its response to the input the output follows a straight line: --trend judges all models beside one"
@@ -51,6 +52,7 @@ class JudgedModel:
         ci95: Ends of their 95 % intervals (ny, nu, 2), Hz; NaN where they are not known.
         remarks: Remarks on the model.
         identification: How it was identified; None for a model that was known beforehand.
+        error: Gains with intervals for the best linear system, on the records of its fit; None where not measured.
     """
 
     label: str
@@ -62,6 +64,7 @@ class JudgedModel:
     ci95: NDArray[np.float64]
     remarks: tuple[str, ...]
     identification: Identification | None = None
+    error: ModelError | None = None
 
     @property
     def item(self) -> Estimate | StateSpace:
@@ -84,10 +87,9 @@ class JudgedModel:
 
     def distorted_cell(self, output: int, input: int) -> str:
         """95 % interval of the bandwidth of a path with distortion and order; nothing where no error was measured."""
-        error = None if self.identification is None else self.identification.error
-        if error is None or not np.isfinite(self.bandwidth_hz[output, input]):
+        if self.error is None or not np.isfinite(self.bandwidth_hz[output, input]):
             return ""
-        return ends_in_words(error.bandwidth(), output, input)
+        return ends_in_words(self.error.bandwidth(), output, input)
 
     @property
     def gain(self) -> NDArray[np.float64]:
@@ -98,9 +100,8 @@ class JudgedModel:
         """Return what `hmtb compare --json` prints of it; of a single path numbers, else rows of outputs."""
         is_single_path = self.model.nu == self.model.ny == 1
         paths = {"bandwidth_hz": self.bandwidth_hz, "ci95": self.ci95}
-        if self.identification is not None and self.identification.error is not None:
-            ends = self.identification.error.bandwidth().ci95
-            paths["ci95_with_distortion_and_order"] = np.stack(ends, axis=-1)
+        if self.error is not None:
+            paths["ci95_with_distortion_and_order"] = np.stack(self.error.bandwidth().ci95, axis=-1)
         paths["dc_gain"] = self.gain
         if is_single_path:
             paths = {name: values[0, 0] for name, values in paths.items()}
@@ -208,6 +209,7 @@ def judged_identification(result: Identification, about_means: Sequence[IOData])
         ci95=claims[..., 1:],
         remarks=result.warnings,
         identification=result,
+        error=result.error,
     )
 
 
@@ -306,7 +308,12 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
         columns.insert(1, "output")
     if steps > 1:
         columns.append(f"{steps} steps %")
-    columns += ["bandwidth Hz", "95 % of parameters", "with distortion and order", "gain at 0 Hz", "stable"]
+    # The truth and printed models have no record of a fit to measure errors on.
+    has_errors = any(judged.error is not None for judged in models)
+    columns += ["bandwidth Hz", "95 % of parameters"]
+    if has_errors:
+        columns.append("with distortion and order")
+    columns += ["gain at 0 Hz", "stable"]
     rows = []
     for judged in models:
         gain, fit = judged.gain, judged.fit
@@ -324,7 +331,9 @@ def comparison_table(models: Sequence[JudgedModel], outputs: Sequence[str], titl
                 row.append(f"{fit.ahead[i]:.2f}")
             # Each output with its own input: of joints, the coupling is not shown.
             k = min(i, judged.model.nu - 1)
-            row += [*judged.bandwidth_cells(i, k), judged.distorted_cell(i, k)]
+            row += judged.bandwidth_cells(i, k)
+            if has_errors:
+                row.append(judged.distorted_cell(i, k))
             row.append("—" if np.isnan(gain[i, k]) else _gain_text(gain[i, k]))
             rows.append((*row, stable))
     return ResultTable(title, tuple(columns), tuple(rows))

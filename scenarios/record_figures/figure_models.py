@@ -10,7 +10,7 @@ import sysid
 from scenarios.files.errors import ScenarioError
 from scenarios.files.option_values import option_values
 from scenarios.identification.comparison_figures import styles_of_kinds
-from scenarios.identification.identification import FittedModel, fit_model
+from scenarios.identification.identification import FittedModel, fit_model, gains_with_error
 from scenarios.identification.methods import ESTIMATORS
 from scenarios.identification.model_comparison import JudgedModel, judged_known
 from scenarios.identification.named_models import KnownModel, ModelName, known_models, parse_model_name
@@ -19,6 +19,7 @@ from scenarios.record_figures.measured_record import MeasuredRecord
 from sysid import Estimate, IOData, ResidualTest, StateSpace, SysidError, SysidWarning
 from sysid.models import block_diagonal
 from sysid.plots import Style
+from sysid.validation.model_error import ModelError
 
 OF_ONE_OUTPUT = ("arx", "armax", "oe", "okid")
 """Models of a record of one output where none are named: those of the thesis' figure 49, and its chapter V's."""
@@ -39,6 +40,7 @@ class FigureModel:
         orders: Its orders in words; empty for a model that is known beforehand.
         parts: The records of its estimation about its operating point; none of a model that is known beforehand.
         remarks: Doubts about it.
+        error: Gains with intervals for the best linear system; None of blocks, and where not measured.
     """
 
     label: str
@@ -48,6 +50,7 @@ class FigureModel:
     orders: str = ""
     parts: tuple[IOData, ...] = ()
     remarks: tuple[str, ...] = ()
+    error: ModelError | None = None
 
     @property
     def is_observer(self) -> bool:
@@ -150,6 +153,13 @@ def on_record(model: FigureModel, measured: MeasuredRecord) -> ModelOnRecord:
         # As a known model: it is judged on records that it was not estimated from in the same way as on its own.
         known = KnownModel(model.label, model.item, model.remarks)
         judged = judged_known(known, model.kind, measured.parts, keep_mean=measured.keep_mean, line=False, steps=1)
+    first = measured.longest
+    # A record may have the channels of the model in another sequence, and the intervals are by path.
+    if model.error is not None and (model.error.input_names, model.error.output_names) == (
+        first.input_names,
+        first.output_names,
+    ):
+        judged = replace(judged, error=model.error)
     checked = [part.subtract(y=trend) for part, trend in zip(measured.parts, judged.trends, strict=True)]
     return ModelOnRecord(model, judged, tuple(checked))
 
@@ -160,7 +170,10 @@ def _estimated(name: ModelName, measured: MeasuredRecord, style: Style) -> Figur
     if first.ny == 1 or ESTIMATORS[name.kind].outputs:
         fitted = _fitted(name, measured.parts, keep_mean=measured.keep_mean)
         label = f"{title} {_orders_in_words(fitted)}"
-        return FigureModel(label, name.kind, fitted.estimate, style, _orders_in_words(fitted), fitted.parts)
+        error = gains_with_error(fitted)
+        return FigureModel(
+            label, name.kind, fitted.estimate, style, _orders_in_words(fitted), fitted.parts, error=error
+        )
     blocks, orders = [], []
     # As many inputs as outputs are taken for joints, each with its own command [Morris1996, eq. 4.14].
     is_by_joint = first.nu == first.ny
