@@ -107,6 +107,7 @@ def lpm(
         covariance=covariance,
         noise_spectrum=np.asarray(periods * first.dt * noise, dtype=complex),
         degrees_of_freedom=2.0 * local.spare(width),
+        noise_is_corrected=True,
         resolution=np.full(len(f), (2 * width + 1) / (shortest * first.dt)),
         input_names=first.input_names or (),
         output_names=first.output_names or (),

@@ -60,6 +60,7 @@ class FrequencyResponse(Labelled, Locked):
             parametric models.
         degrees_of_freedom: Of the variance behind `covariance` and `noise_spectrum`; None for a parametric model, whose
             intervals are those of the normal distribution.
+        noise_is_corrected: Whether `noise_spectrum` is corrected for what the fit of the response removed from it.
         input_names: One name per input.
         output_names: One name per output.
     """
@@ -78,6 +79,7 @@ class FrequencyResponse(Labelled, Locked):
     joint_covariance: ComplexArray | None = field(default=None, kw_only=True)
     resolution: FloatArray | None = field(default=None, kw_only=True)
     noise_deviation: FloatArray | None = field(default=None, kw_only=True)
+    noise_is_corrected: bool = field(default=False, kw_only=True)
     input_names: tuple[str, ...] = field(default=(), kw_only=True)
     output_names: tuple[str, ...] = field(default=(), kw_only=True)
 
@@ -372,8 +374,9 @@ class FrequencyResponse(Labelled, Locked):
         if self.noise_spectrum is None or self.degrees_of_freedom is None:
             raise SysidError(f"{self.method} gives no disturbance spectrum with degrees of freedom")
         freedom = self.degrees_of_freedom
-        # with freedom = 2 (K - nu), the spectrum before the fit of nu responses times 2 K
-        total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + 2.0 * self.response.shape[2])
+        # the sum of squares: with freedom = 2 (K - nu), 2 K times the spectrum that the fit of nu responses has left
+        removed = 0.0 if self.noise_is_corrected else 2.0 * self.response.shape[2]
+        total = np.einsum("fii->fi", self.noise_spectrum).real * (freedom + removed)
         # some lag windows make a spectrum negative
         total = np.maximum(total, 0.0)
         return total / scipy.stats.chi2.ppf(0.975, freedom), total / scipy.stats.chi2.ppf(0.025, freedom)
