@@ -282,7 +282,8 @@ def _covariance(weights: ComplexArray, images: NDArray[np.int_]) -> FloatArray:
     variance = np.sum(np.abs(weights) ** 2, axis=-1)
     of_images = 2.0 * np.sum(weights[..., images[:, 0]] * weights[..., images[:, 1]], axis=-1)
     # the mean of the square of the sum is no larger than that of its absolute value, but for rounding
-    of_images *= np.minimum(1.0, variance / np.maximum(np.abs(of_images), np.finfo(float).tiny))
+    size = np.abs(of_images)
+    of_images *= np.where(size > variance, variance / np.where(size > variance, size, 1.0), 1.0)
     covariance = np.empty((*variance.shape, 2, 2))
     covariance[..., 0, 0] = 0.5 * (variance + of_images.real)
     covariance[..., 1, 1] = 0.5 * (variance - of_images.real)
