@@ -12,6 +12,8 @@ from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 from sysid.records.errors import SysidError
 
+MOST_TESTED = 40  # frequencies at which a response is tested, at most
+SIGNIFICANT = 0.01  # p-value of such tests, of all frequencies together
 UPPER_95 = 0.975  # probability at the upper end of a 95 % interval
 SPARE = 6  # equations beyond the unknowns, by default: they show the variance of the noise
 ADDED = 2  # degree of the denominators that show whether polynomials suffice
@@ -58,10 +60,19 @@ class Lines:
         There they are those of negative frequencies and beyond Nyquist, where all transforms are the conjugates: a
         window that ended at the first line would extrapolate the response at its edge.
         """
-        nearest = int(np.argmin(np.abs(self._circle.frequencies - frequency)))
-        rows, all_lines = slice(nearest - width, nearest + width + 1), self._circle
+        all_lines = self._circle
+        f = all_lines.frequencies
+        nearest = int(np.clip(np.searchsorted(f, frequency), 1, len(f) - 1))
+        if frequency - f[nearest - 1] <= f[nearest] - frequency:
+            nearest -= 1
+        rows = slice(nearest - width, nearest + width + 1)
         signals = all_lines.inputs[rows], all_lines.outputs[rows]
-        return Lines(all_lines.frequencies[rows], *signals, all_lines.numbers[rows], self.is_odd)
+        return Lines(f[rows], *signals, all_lines.numbers[rows], self.is_odd)
+
+    @cached_property
+    def strongest(self) -> FloatArray:
+        """Largest power of a line of each input (nu,)."""
+        return np.asarray(np.max(np.abs(self.inputs) ** 2, axis=0))
 
     @cached_property
     def _circle(self) -> "Lines":
@@ -197,8 +208,8 @@ class LocalFit:
         """Whether an input has no power but rounding at all lines about a frequency, in any experiment."""
         whole, near = np.zeros((2, self.records[0].inputs.shape[1]))
         for record in self.records:
-            whole = np.maximum(whole, np.max(np.abs(record.inputs) ** 2, axis=0))
-            near = np.maximum(near, np.max(np.abs(record.about(frequency, width).inputs) ** 2, axis=0))
+            whole = np.maximum(whole, record.strongest)
+            near = np.maximum(near, record.about(frequency, width).strongest)
         return bool((near <= SILENT * whole).any())
 
     def _regression(self, frequency: float, width: int) -> _Regression:
@@ -271,6 +282,16 @@ class LocalFit:
             share = explained / max(float(np.sum(np.abs(y[:, i]) ** 2)), np.finfo(float).tiny)
             of_outputs.append((p_value * y.shape[1], ratio, share))
         return min(of_outputs)
+
+
+def tested_rows(count: int) -> NDArray[np.int_]:
+    """Places of the frequencies at which a response is tested: all of few, else `MOST_TESTED` spread over them."""
+    return np.arange(count) if count <= MOST_TESTED else np.linspace(0, count - 1, MOST_TESTED).astype(int)
+
+
+def where_in_words(hz: FloatArray) -> str:
+    """One frequency, or the first and last of several (n,), in words."""
+    return f"at {hz[0]:.3g} Hz" if len(hz) == 1 else f"from {hz[0]:.3g} to {hz[-1]:.3g} Hz"
 
 
 def _covariance(weights: ComplexArray, images: NDArray[np.int_]) -> FloatArray:

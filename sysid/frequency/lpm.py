@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sysid.frequency.local_fit import Lines, LocalFit
+from sysid.frequency.local_fit import SIGNIFICANT, Lines, LocalFit, tested_rows, where_in_words
 from sysid.frequency.spectra import checked_frequencies
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.polynomial.data_checks import check_excitation
@@ -18,8 +18,6 @@ from sysid.records.repetition import LEAST_SHARE, repetitions, unrepeated_share
 
 LARGEST_GRID = 400  # frequencies estimated at if none are given, at most
 BESIDE = (-1.5, -1.0, 0.0, 1.0, 1.5)  # half widths of a window beside a frequency at which that is tested
-MOST_TESTED = 40  # frequencies at which that is tested, at most
-SIGNIFICANT = 0.01  # p-value, of all frequencies together
 
 
 def lpm(
@@ -176,7 +174,7 @@ def _fast_changes(local: LocalFit, f: FloatArray, width: int) -> list[str]:
     """Warn of frequencies at which the response changes faster than the polynomials can follow."""
     if local.denominator:
         return []
-    asked = f if len(f) <= MOST_TESTED else f[np.linspace(0, len(f) - 1, MOST_TESTED).astype(int)]
+    asked = f[tested_rows(len(f))]
     lines = local.records[0].frequencies
     # a window that has the resonance at its end shows more of it than one about it
     apart = width * float(lines[1] - lines[0]) * np.array(BESIDE)
@@ -189,9 +187,8 @@ def _fast_changes(local: LocalFit, f: FloatArray, width: int) -> list[str]:
     fast = asked[(near & least).any(axis=1)]
     if not len(fast):
         return []
-    where = f"at {fast[0]:.3g} Hz" if len(fast) == 1 else f"from {fast[0]:.3g} to {fast[-1]:.3g} Hz"
     return [
-        f"the response changes faster {where} than polynomials over {2 * width + 1} lines follow, as beside a lightly "
-        "damped resonance: its values there may be wrong by more than their deviations say; denominator=2 follows it, "
-        "and a longer record or period has closer lines"
+        f"the response changes faster {where_in_words(fast)} than polynomials over {2 * width + 1} lines follow, as "
+        "beside a lightly damped resonance: its values there may be wrong by more than their deviations say; "
+        "denominator=2 follows it, and a longer record or period has closer lines"
     ]

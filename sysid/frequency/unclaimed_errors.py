@@ -5,15 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from sysid.frequency.local_fit import SPARE, Lines, LocalFit, left_by_rational
+from sysid.frequency.local_fit import SIGNIFICANT, SPARE, Lines, LocalFit, left_by_rational, tested_rows, where_in_words
 from sysid.models.frequency_response import FrequencyResponse
 from sysid.records.arrays import ComplexArray, FloatArray
 from sysid.records.data import IOData
 
 DEGREE = 2  # of the polynomials, and of the rational functions, that a response follows over a few lines
-MOST_TESTED = 40  # frequencies at which smoothing is tested, at most
 LEAST_SMOOTHING = 0.01  # share of the output's power that smoothing makes a disturbance, at least, to be told
-SIGNIFICANT = 0.01  # p-value, of all tests of a response together
 WINDOW = 11  # lines over which a response is smooth
 LEAST = 1e-12  # power of a scatter, relative to the response, below which it is none
 
@@ -40,7 +38,7 @@ def smoothing_messages(experiments: Sequence[IOData], response: FrequencyRespons
     local = LocalFit(records, DEGREE, 0)
     duration, most = longest * response.dt, (len(records[0].frequencies) - 1) // 2
     f = response.frequencies
-    asked = np.arange(len(f)) if len(f) <= MOST_TESTED else np.linspace(0, len(f) - 1, MOST_TESTED).astype(int)
+    asked = tested_rows(len(f))
     least = 1.0 + np.sqrt(2.0 / response.degrees_of_freedom)
     found = []
     for k in asked:
@@ -52,7 +50,7 @@ def smoothing_messages(experiments: Sequence[IOData], response: FrequencyRespons
             found.append((ratio, float(f[k])))
     if not found:
         return []
-    where = f"at {found[0][1]:.3g} Hz" if len(found) == 1 else f"from {found[0][1]:.3g} to {found[-1][1]:.3g} Hz"
+    where = where_in_words(np.array([hz for _, hz in found]))
     ratio, hz = max(found)
     return [
         f"the response changes {where} within the width that the estimate averages over, which counts as disturbance: "

@@ -37,7 +37,7 @@ def _lag_of_copy(first: FloatArray, second: FloatArray) -> int | None:
     x, y = first - first.mean(), second - second.mean()
     length = scipy.fft.next_fast_len(2 * len(x))
     products = scipy.fft.irfft(scipy.fft.rfft(y, length) * scipy.fft.rfft(x, length).conj(), length)
-    size = float(np.sqrt((x @ x) * (y @ y)))
+    size = float(np.linalg.norm(x) * np.linalg.norm(y))
     if size <= 0.0:
         return None
     # of copies with a shift, the overlap alone can be alike
