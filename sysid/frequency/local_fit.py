@@ -76,7 +76,7 @@ class Lines:
 
     @cached_property
     def _circle(self) -> "Lines":
-        """The lines from minus to twice Nyquist."""
+        """The lines, their conjugates at negative frequencies and those between Nyquist and twice Nyquist."""
         # evenly spaced lines, but for 0 Hz and Nyquist between them: the last one and its image surround the latter
         nyquist = self.frequencies[-1] + (0.5 if self.is_odd else 1.0) * self.frequencies[0]
         back = self.frequencies[::-1]
