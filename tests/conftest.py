@@ -31,14 +31,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 # What is expensive to set up is set up once, not once in each process: tests of one file, and all that look at the
-# study, stay together. What takes long begins first, so that no process ends alone with it.
+# study, stay together. Thorough tests take longer than any set-up, minutes each, and are shared out one by one. What
+# takes long begins first, so that no process ends alone with it.
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Mark tests of a study as slow, and say which tests stay together when they run in several processes."""
-    groups = {
-        item: "study" if "study_run" in getattr(item, "fixturenames", ()) else item.nodeid.partition("::")[0]
-        for item in items
-    }
+    groups = {item: _group_of(item) for item in items}
     for item, group in groups.items():
         if group == "study":
             item.add_marker(pytest.mark.slow)
@@ -52,7 +50,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item, group in groups.items():
         item.add_marker(pytest.mark.xdist_group(group))
     if seed is None:
-        items.sort(key=lambda item: (groups[item] != "study", -slow[groups[item]]))
+        items.sort(key=lambda item: (groups[item] != "study", not _is_thorough(item), -slow[groups[item]]))
+
+
+def _is_thorough(item: pytest.Item) -> bool:
+    return item.get_closest_marker("thorough") is not None
+
+
+def _group_of(item: pytest.Item) -> str:
+    """Name of the tests that run in one process with this one."""
+    if "study_run" in getattr(item, "fixturenames", ()):
+        return "study"
+    return item.nodeid if _is_thorough(item) else item.nodeid.partition("::")[0]
 
 
 @pytest.fixture(scope="session")

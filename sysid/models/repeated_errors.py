@@ -30,6 +30,8 @@ FEWEST_LINES = 4  # of a period whose power is averaged: fewer leave the covaria
 LINES_OF_SPECTRUM = 8  # samples of a period for each line that may be averaged
 UPPER_95 = 0.975  # probability at the upper end of a 95 % interval
 LARGEST_COLUMN = 200_000  # errors up to which products of their derivatives are formed
+STEPS = (STEP, 1e-3 * STEP, 1e-6 * STEP)  # in standard deviations, the first whose errors stay within bounds
+LARGEST_SLOPE = 1e6  # standard deviations of an error for one of a parameter, beyond which the predictor is unstable
 SINGULAR = 1e-12  # variance of a combination of outputs, relative to the largest, that is rounding
 
 
@@ -276,9 +278,10 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
     directions = directions[:, np.abs(directions).max(axis=0) > 0.0]
     slopes = _Slopes(repeated.groups)
     for direction in directions.T:
-        ahead = _whitened_errors(estimate.realise(estimate.parameters + STEP * direction), experiments, whitening)
-        behind = _whitened_errors(estimate.realise(estimate.parameters - STEP * direction), experiments, whitening)
-        slopes.add([(later - earlier) / (2.0 * STEP) for later, earlier in zip(ahead, behind, strict=True)])
+        of_direction = _slopes_along(direction, estimate, experiments, whitening)
+        if of_direction is None:
+            return estimate
+        slopes.add(of_direction)
     middle, periodic = np.zeros((2, directions.shape[1], directions.shape[1]))
     for group, slope in zip(repeated.groups, slopes.of_mean_periods(), strict=True):
         middle += sum_over_periods(group, slope, mean_period(group, errors))
@@ -298,6 +301,25 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
         covariance=0.5 * (covariance + covariance.T),
         diagnostics={**estimate.diagnostics, **repeated.diagnostics, **before},
     )
+
+
+def _slopes_along(
+    direction: FloatArray, estimate: AnyEstimate, experiments: Sequence[IOData], whitening: FloatArray
+) -> list[FloatArray] | None:
+    """Derivatives of the whitened errors of each experiment (N_i, r) along a direction of one standard deviation (q,).
+
+    Of a pole at the stability limit a step as usual may make a predictor whose errors grow without end: a smaller one
+    does not. None where every step does.
+    """
+    for step in STEPS:
+        ahead = _whitened_errors(estimate.realise(estimate.parameters + step * direction), experiments, whitening)
+        behind = _whitened_errors(estimate.realise(estimate.parameters - step * direction), experiments, whitening)
+        with np.errstate(over="ignore", invalid="ignore"):
+            slopes = [(later - earlier) / (2.0 * step) for later, earlier in zip(ahead, behind, strict=True)]
+        # not so of NaN either
+        if all(np.abs(slope).max(initial=0.0) < LARGEST_SLOPE for slope in slopes):
+            return slopes
+    return None
 
 
 class _Slopes:

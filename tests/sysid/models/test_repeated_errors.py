@@ -149,6 +149,17 @@ def test_missing_outputs_and_windows():
     assert estimate.diagnostics["periods"] == PERIODS - 1
 
 
+@pytest.mark.parametrize("scale", [1e6, 1e9])
+def test_a_covariance_whose_steps_are_unstable_is_counted_by_smaller_ones(scale):
+    # as a pole at the stability limit has it: what a hundredth of its deviation away lies is no predictor
+    counted = sysid.oe(record(0), 2, 2, 1)
+    wide = replace(counted, covariance=scale * counted.diagnostics["covariance_of_independent_errors"], diagnostics={})
+    again = count_repetition_once(wide, [record(0)])
+    assert again.diagnostics["periods"] == PERIODS
+    # it is larger by far than what repeats asks for
+    assert again.covariance == pytest.approx(wide.covariance, rel=1e-9)
+
+
 @pytest.mark.parametrize("colour", [0.0, 0.9])
 def test_test_of_repetition_has_its_level_for_errors_of_any_colour(colour):
     p_values = []
