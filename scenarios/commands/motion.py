@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from scenarios.commands.output import draw, json_text, output_folder, print_json, progress, say_each, say_next
+from scenarios.commands.output import draw, json_text, output_folder, print_json, progress, say, say_each, say_next
 from scenarios.files.errors import ScenarioError
 
 FILES = ("motion.json", "motion.csv", "motion.png", "motion.svg")
@@ -28,7 +28,7 @@ def motion(
 
     Args:
         out: Folder for motion.json, motion.csv (a row for every cell), the map, motion.png and .svg, and the journal.
-        quick: A coarse look within a minute, no result: one servo, few levels, two seeds.
+        quick: A coarse look of some two minutes, no result: one servo, few levels, two seeds.
         workers: Processes; all processors when not given. The results do not depend on it.
         overwrite: Replace the results of another campaign in the folder, without a question.
         json: Print JSON.
@@ -72,6 +72,8 @@ def motion(
     if json:
         print_json({**record, "files": files})
     else:
+        if quick:
+            say("A coarse look at few arms, which decides nothing: without --quick the campaign is run.")
         say_each("", motion_texts(record))
         say_each("failed: ", failed)
         say_each("written: ", files)

@@ -123,6 +123,8 @@ def truth(
     check_seed(seed)
     if threads is not None and bla is None and not maps:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
+    if bla is not None and not 0.0 < bla < float("inf"):
+        raise ScenarioError(f"--bla {bla:g} given, expected a root mean square above 0 rad, as 0.01")
     if density is not None and not maps:
         raise ScenarioError(f"--density {density:g} given without --maps")
     factor = 1.0 if density is None else density

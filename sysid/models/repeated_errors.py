@@ -269,8 +269,8 @@ def count_repetition_once(estimate: AnyEstimate, experiments: Sequence[IOData]) 
     groups = repetitions(experiments)
     if not groups:
         return estimate
-    whitening = _inverse_root(estimate.noise_variance)
-    errors = _whitened_errors(estimate.model, experiments, whitening)
+    whitening = inverse_root(estimate.noise_variance)
+    errors = whitened_errors(estimate.model, experiments, whitening)
     repeated = _errors_of_groups(groups, errors)
     if repeated is None or not repeated.is_significant:
         return estimate
@@ -312,8 +312,8 @@ def _slopes_along(
     does not. None where every step does.
     """
     for step in STEPS:
-        ahead = _whitened_errors(estimate.realise(estimate.parameters + step * direction), experiments, whitening)
-        behind = _whitened_errors(estimate.realise(estimate.parameters - step * direction), experiments, whitening)
+        ahead = whitened_errors(estimate.realise(estimate.parameters + step * direction), experiments, whitening)
+        behind = whitened_errors(estimate.realise(estimate.parameters - step * direction), experiments, whitening)
         with np.errstate(over="ignore", invalid="ignore"):
             slopes = [(later - earlier) / (2.0 * step) for later, earlier in zip(ahead, behind, strict=True)]
         # not so of NaN either
@@ -360,7 +360,7 @@ class _Slopes:
         return np.asarray((vectors * values) @ vectors.T), np.asarray((vectors / values) @ vectors.T)
 
 
-def _inverse_root(covariance: FloatArray) -> FloatArray:
+def inverse_root(covariance: FloatArray) -> FloatArray:
     """Matrix W (n, r) for which errors e' W of this covariance (n, n) are white, of unit variance."""
     deviations = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     deviations[deviations == 0.0] = 1.0
@@ -369,7 +369,7 @@ def _inverse_root(covariance: FloatArray) -> FloatArray:
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / deviations[:, None])
 
 
-def _whitened_errors(model: StateSpace, experiments: Sequence[IOData], whitening: FloatArray) -> list[FloatArray]:
+def whitened_errors(model: StateSpace, experiments: Sequence[IOData], whitening: FloatArray) -> list[FloatArray]:
     """Prediction errors (N_i, r) of each experiment, its initial state fitted; zero where an output is missing."""
     errors = []
     # the estimator has reported an unstable predictor

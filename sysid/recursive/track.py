@@ -13,6 +13,8 @@ from sysid.records.labelled import Labelled
 from sysid.records.printing import Part, number
 from sysid.recursive.tracker import Change, Tracker
 
+CALIBRATION = 30.0  # s
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Track(Labelled, Locked):
@@ -78,7 +80,7 @@ def track(
     order: int = 8,
     nk: int = 1,
     *,
-    calibration: float = 30.0,
+    calibration: float = CALIBRATION,
     gain: float | None = None,
     drift: float = 1e-3,
     false_alarms: float = 0.1,
@@ -109,6 +111,11 @@ def track(
     if not isinstance(data, IOData):
         raise SysidError(f"track takes one IOData record, got {type(data).__name__}")
     seconds = len(data) * data.dt
+    if isinstance(calibration, float) and calibration == CALIBRATION >= seconds:
+        raise SysidError(
+            f"the record of {seconds:g} s is no longer than the calibration, {CALIBRATION:g} s unless given: expected "
+            "a longer record, or a shorter calibration"
+        )
     within = f"lie between 0 and {seconds:g} s", lambda s: 0.0 < s < seconds
     calibration = real_number("calibration", calibration, *within)
     first = max(round(calibration / data.dt), 1)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from sysid.models.bandwidth import HALF_POWER, crossing_frequency
 from sysid.models.estimate import Bandwidth, Estimate, as_estimate
+from sysid.models.least_covariance import with_least_covariance
 from sysid.models.predict import predict
 from sysid.models.repeated_errors import LEVEL, RepeatedErrors, repeated_errors
 from sysid.records.arguments import frequency_list, real_number
@@ -70,6 +71,8 @@ class ModelError(Locked):
         p_feedback: Least p-value of "the inputs do not depend on past outputs", where noise explains the errors; NaN
             where it is not tested.
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
+        covariance_is_known: Whether the estimator gives a covariance of the parameters; otherwise they count as if it
+            were efficient.
         input_names: One name per input.
         output_names: One name per output.
     """
@@ -86,6 +89,7 @@ class ModelError(Locked):
     least_told: float
     p_feedback: float
     strong_line: float
+    covariance_is_known: bool
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
 
@@ -118,6 +122,11 @@ class ModelError(Locked):
                 text += (
                     f"; one input plays the sequence of another one a little later: below {self.least_told:.3g} Hz "
                     "the record does not tell which path has the error; sequences of their own would"
+                )
+            if not self.covariance_is_known:
+                text += (
+                    "; the estimator gives no covariance: its parameters count as uncertain as those of an efficient "
+                    "one, `pem_ss` started from this model, at best"
                 )
             texts.append(text + self._unlike_inputs(i))
         return tuple(texts)
@@ -216,14 +225,23 @@ class ModelError(Locked):
                 f"nonlinear distortion, as errors {also}differ from sequence to sequence (p = {compared.p_alike:.2g})"
             )
         if parts:
-            return ", and ".join(parts)
+            return ", and ".join(parts) + self._hidden_by_sweeps(output)
         text = "nonlinear distortion, or too low an order"
         if np.isfinite(compared.p_common):
-            return f"{text}; the sequences do not tell which"
+            return f"{text}; the sequences do not tell which" + self._hidden_by_sweeps(output)
         repeated = self.repeated[output]
         if repeated is not None and len(repeated.groups) == 1:
             text += "; a second sequence, best a random-phase multisine of the same band and strength, tells them apart"
-        return text
+        return text + self._hidden_by_sweeps(output)
+
+    def _hidden_by_sweeps(self, output: int) -> str:
+        """Say that distortion under sweeps changes too smoothly from line to line to be seen."""
+        if not self.sequences[output].are_sweeps:
+            return ""
+        return (
+            "; the input sweeps over its frequencies: distortion that changes as smoothly does not show, and the "
+            "interval may be too narrow; random-phase multisines would show it"
+        )
 
     def _parts(self) -> list[Part]:
         """Reasons, then a table of gains and intervals, for the printed text."""
@@ -259,14 +277,14 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     lowers the gain from the recorded input, which is the one that is estimated.
 
     Args:
-        estimate: A stable model with the covariance of its parameters.
+        estimate: A stable model. Parameters without a covariance (`n4sid`, `pbsid`) count as uncertain as those of an
+            efficient estimator would be, which they are at best: [Ljung1999, ch. 9] at the estimate.
         data: The records of its fit, as they were given to the estimator.
         f_hz: Frequencies, Hz (nf,).
 
     Returns:
         Gains and both intervals (nf, ny, nu), in units of output over input, and why they differ. Without a covariance
-        of the parameters (`n4sid`) `noise_alone` is NaN, and `interval` is known only where noise does not explain the
-        errors.
+        of the parameters `noise_alone` is NaN.
 
     Raises:
         SysidError: A model that is not stable, channels that do not fit it, frequencies that are none, not finite,
@@ -284,6 +302,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     experiments = as_experiments(data, missing=True)
     if not estimate.model.is_stable():
         raise SysidError("model_error simulates the model: expected a stable one")
+    errors = simulation_errors(estimate, experiments)
     if estimate.data.hashes and not any(estimate.data.include(experiment) for experiment in experiments):
         warnings.warn(
             "the record is none that the model was estimated from: the intervals of its parameters and the errors of "
@@ -291,11 +310,12 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
             SysidWarning,
             stacklevel=2,
         )
-    errors = simulation_errors(estimate, experiments)
     scored = [e.scored for e in experiments]
     ny = estimate.model.ny
     gain = np.abs(estimate.realise(estimate.parameters).frequency_response(f))
     noise_alone = _interval_of_parameters(as_if_errors_were_independent(estimate), f)
+    covariance_is_known = bool(np.isfinite(estimate.covariance).all())
+    estimate = with_least_covariance(estimate, scored)
     outputs = [_errors_of_output(estimate, scored, [error[:, i] for error in errors], i) for i in range(ny)]
     low, high = _interval(estimate, gain, outputs, f)
     least_told = least_frequency_told(scored) if any(output.p_value < LEVEL for output in outputs) else 0.0
@@ -320,6 +340,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         least_told=least_told,
         p_feedback=_p_of_feedback(scored) if any(output.p_value >= LEVEL for output in outputs) else float("nan"),
         strong_line=lowest_strong_line(scored),
+        covariance_is_known=covariance_is_known,
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
     )

@@ -1,7 +1,7 @@
 """Errors of a simulation, line by line: of the mean period of inputs that repeat, or of bands of whole records."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy
@@ -20,6 +20,7 @@ BAND = 2.0 ** (1 / 6)  # ratio of the ends of a band over which a response hardl
 NARROW_BAND = 2.0 ** (1 / 12)  # likewise where resonances are to show
 POOLED = 3  # bands on either side over which the variance of the noise is averaged
 FEWEST_COMMON = 10  # lines of all sequences that tell what they have in common
+SWEEP = 0.75  # length of the mean of unit vectors: 0.9 to 1 of sweeps, below 0.6 of random phases
 SPARE = 7  # lines of a band beyond those that its response takes: they show the noise
 
 
@@ -81,10 +82,12 @@ class SequencesCompared:
     Attributes:
         p_common: p-value of the hypothesis that the sequences' errors have no response from the input in common.
         p_alike: p-value of the hypothesis that they differ by no more than noise.
+        are_sweeps: Whether in every sequence neighbouring lines have phases of a sweep.
     """
 
     p_common: float = float("nan")
     p_alike: float = float("nan")
+    are_sweeps: bool = False
 
 
 def compare_sequences(
@@ -105,6 +108,31 @@ def compare_sequences(
     Returns:
         The p-values; NaN of a single sequence, several inputs, sequences with different periods or few common lines.
     """
+    inputs = [experiment.u for experiment in experiments]
+    are_sweeps = all(_is_sweep(group.folded(inputs).mean(axis=0)) for group in groups)
+    return replace(_p_values_of_sequences(experiments, errors, groups), are_sweeps=are_sweeps)
+
+
+def _is_sweep(period: FloatArray) -> bool:
+    """Whether an input of a period (N, nu) sweeps over its lines: the group delay rises or falls by equal steps.
+
+    Of random phases the second differences have any direction, and their mean is near zero.
+    """
+    for column in period.T:
+        spectrum = scipy.fft.rfft(column - column.mean())
+        magnitude = np.abs(spectrum)
+        phasors = spectrum / np.maximum(magnitude, np.finfo(float).tiny)
+        strong = magnitude**2 > STRONG * magnitude.max(initial=0.0) ** 2
+        bends = (phasors[2:] * phasors[:-2] * phasors[1:-1].conj() ** 2)[strong[2:] & strong[1:-1] & strong[:-2]]
+        if len(bends) >= FEWEST_COMMON and abs(bends.mean()) > SWEEP:
+            return True
+    return False
+
+
+def _p_values_of_sequences(
+    experiments: Sequence[IOData], errors: Sequence[FloatArray], groups: Sequence[Repetition]
+) -> SequencesCompared:
+    """The p-values of `compare_sequences`."""
     if len(groups) < 2 or len({group.period for group in groups}) > 1 or experiments[0].nu > 1:
         return SequencesCompared()
     parts = [lines_of_mean_periods(experiments, errors, [group]) for group in groups]

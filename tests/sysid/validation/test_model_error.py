@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import chirp, lfilter
 
 import sysid
 from sysid import IOData, model_error
@@ -375,3 +375,53 @@ def test_paths_of_an_input_and_its_copy_are_not_told_apart(shift, least):
     assert error.least_told == pytest.approx(least)
     np.testing.assert_array_equal(np.isnan(error.interval[0][:, 0, 0]), error.frequencies < least)
     assert ("does not tell which path" in error.reasons[0]) == (shift is not None)
+
+
+def swept(seed, kind):
+    """Period of 200 samples with the lines of a sweep, or with random phases."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(200) * DT
+    if kind == "random phases":
+        return np.cos(2.0 * np.pi * (np.outer(t, np.arange(2, 40)) / 4.0 + rng.random(38))).sum(axis=1)
+    if kind == "binary":
+        return np.repeat(rng.choice([-1.0, 1.0], 100), 2)
+    first, last = (10.0, 0.5) if kind == "falling" else (0.5, 10.0)
+    method = "logarithmic" if kind == "logarithmic" else "linear"
+    return chirp(t, first, 4.0, last, method=method, phi=360.0 * rng.random())
+
+
+@pytest.mark.parametrize("kind", ["rising", "falling", "logarithmic", "random phases", "binary"])
+def test_what_a_sweep_hides_is_told(kind):
+    for seed in range(5):
+        u = np.tile(swept(seed, kind), 11)
+        x = lfilter(TRUE_B, TRUE_A, u)
+        y = lfilter(TRUE_B, TRUE_A, x + 0.3 * x**3)[200:]
+        data = IOData(u[200:], y + 1e-3 * np.random.default_rng(seed).standard_normal(2000), DT)
+        (reason,) = model_error(sysid.arx(data, 2, 2, 1), data, HZ).reasons
+        assert ("the input sweeps over its frequencies" in reason) == (kind in ("rising", "falling", "logarithmic"))
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_without_a_covariance_parameters_count_as_uncertain_as_those_of_an_efficient_estimator(order):
+    held, widths = [], []
+    for seed in range(20):
+        data = linear_record(seed)
+        by_n4sid = model_error(sysid.n4sid(data, order), data, HZ)
+        assert "the estimator gives no covariance" in by_n4sid.reasons[0]
+        assert np.isnan(by_n4sid.noise_alone).all()
+        efficient = model_error(sysid.pem_ss(data, order), data, HZ)
+        assert "covariance" not in efficient.reasons[0]
+        held.append(holds(by_n4sid.interval, gain(TRUE_B, TRUE_A, HZ)))
+        widths.append(np.subtract(*by_n4sid.interval) / np.subtract(*efficient.interval))
+    assert np.mean(held) >= 0.9
+    # of the right order the two are nearly the same model
+    if order == 2:
+        assert np.median(widths) == pytest.approx(1.0, abs=0.1)
+
+
+def test_an_operating_point_does_not_matter_without_a_covariance():
+    data = linear_record(0)
+    moved = IOData(data.u + 3.0, data.y - 7.0, DT)
+    one = model_error(sysid.n4sid(data.detrend(), 2), data.detrend(), HZ)
+    other = model_error(sysid.n4sid(moved.detrend(), 2), moved, HZ)
+    np.testing.assert_allclose(one.interval, other.interval, rtol=1e-6)
