@@ -86,9 +86,13 @@ class JudgedModel:
         return _hz_text(hz), interval
 
     def distorted_cell(self, output: int, input: int) -> str:
-        """95 % interval of the bandwidth of a path with distortion and order; nothing where no error was measured."""
-        if self.error is None or not np.isfinite(self.bandwidth_hz[output, input]):
+        """95 % interval of the bandwidth of a path with distortion and order, or why an estimate has none."""
+        if not np.isfinite(self.bandwidth_hz[output, input]):
             return ""
+        if self.error is None:
+            # a saved estimate is judged by records, but knows nothing of those that it was fitted to
+            is_estimate = np.isfinite(self.ci95[output, input]).all()
+            return "needs the record of its fit" if is_estimate and self.identification is None else ""
         return ends_in_words(self.error.bandwidth(), output, input)
 
     @property

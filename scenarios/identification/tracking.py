@@ -124,7 +124,8 @@ class Tracking:
         """Return the last estimate of each part as a table, beside the truth where it is known."""
         columns = ["from / s", "to / s", "bandwidth\n/ Hz", "95 % interval\n/ Hz", "delay\n/ ms", "95 % interval\n/ ms"]
         if self.truth:
-            columns += ["payload", "small-signal\ntruth / Hz", "best linear\ntruth / Hz", "true delays\n/ ms"]
+            columns += ["payload", "small-signal\ntruth / Hz", "best linear\ntruth / Hz"]
+            columns.append("true delays: small-signal,\nbest linear / ms")
         rows = []
         for stretch, last in self.rows():
             cells = [_joined([stretch.begin], 1), _joined([stretch.end], 1)]

@@ -1,7 +1,6 @@
 """Charts as Matplotlib figures."""
 
 from collections.abc import Sequence
-from math import ceil, floor, log10
 from typing import Any
 
 import numpy as np
@@ -49,6 +48,9 @@ def draw(
     for axes, panel in zip(grid, panels, strict=False):
         for label, line in _draw_panel(axes, panel, name_marks=name_marks):
             handles.setdefault(_without_formulas(label), line)
+    # Axes that panels share have their range when all are drawn.
+    for axes, panel in zip(grid, panels, strict=False):
+        _mark_logarithmic(axes, panel)
     dress(grid[: len(panels)])
     if shared:
         _label_once(figure, list(grid[: len(panels)]), columns)
@@ -93,11 +95,6 @@ def _draw_panel(axes: Axes, panel: Panel, *, name_marks: bool) -> list[tuple[str
         axes.set_ylim(panel.y_limits)
     axes.set_xlabel(_without_formulas(panel.x), fontsize=9)
     axes.set_ylabel(_without_formulas(panel.y), fontsize=9)
-    if "x" in panel.log and panel.x_limits:
-        plain_marks(axes.xaxis, panel.x_limits)
-    if "y" in panel.log and panel.y_limits and not _has_two_powers_of_ten(panel.y_limits):
-        # Matplotlib would write 2 × 10⁰ between the powers.
-        plain_marks(axes.yaxis, panel.y_limits)
     if panel.equal:
         axes.set_aspect("equal")
     axes.set_title(_without_formulas(panel.title), loc="left", fontsize=8.5)
@@ -106,8 +103,14 @@ def _draw_panel(axes: Axes, panel: Panel, *, name_marks: bool) -> list[tuple[str
     return lines
 
 
-def _has_two_powers_of_ten(limits: tuple[float, float]) -> bool:
-    return floor(log10(limits[1])) > ceil(log10(limits[0]))
+def _mark_logarithmic(axes: Axes, panel: Panel) -> None:
+    """Mark logarithmic axes with plain numbers: Matplotlib would write 2 × 10⁰ between the powers, side by side."""
+    if "x" in panel.log:
+        plain_marks(axes.xaxis, axes.get_xlim())
+    lowest, highest = axes.get_ylim()
+    # further apart the powers of ten suffice
+    if "y" in panel.log and highest < 100.0 * lowest:
+        plain_marks(axes.yaxis, (lowest, highest))
 
 
 def _draw_mark(axes: Axes, mark: tuple[str, float, str], *, named: bool) -> None:

@@ -73,7 +73,7 @@ VALUES = [
     ("truth --pose 0,20,50,90,-50,0,zero", "7 angles in degrees"),
     ("truth --pose 0,20,50,160,-50,0,0", "elbow_pitch = 160 deg given, expected between 0 and 150 deg"),
     ("truth --pose 0,20,50,30,-50,0,0 --bla 0.01", "give --pose a name"),
-    ("truth --bla 0", "rms = 0.0 given"),
+    ("truth --bla 0", "--bla 0 given, expected a root mean square above 0 rad"),
     ("truth --out truth.gif", "expected a figure: .svg, .png, .pdf"),
     ("truth --maps --density 0", "density of the maps: 0 given"),
     ("truth --seed -1", "seed"),

@@ -197,6 +197,7 @@ def test_the_command_writes_what_any_number_of_workers_gives_and_resumes(run, re
     # on a busy machine there is progress on stderr
     code, text, _ = run("motion", "--quick", "--out", tmp_path / "made", "--workers", 1)
     assert code == 0 and "Shoulder yaw: none of" in text
+    assert text.startswith("A coarse look at few arms, which decides nothing")
     record = json.loads((tmp_path / "made" / "motion.json").read_text())
     assert record["arms"]["number"] == 2 and set(record["joints"]) == set(STUDIED_JOINTS)
     with (tmp_path / "made" / "motion.csv").open() as file:

@@ -234,6 +234,7 @@ def test_refusals():
     two = IOData(np.c_[data.u, data.u**2], data.y, 0.02)
     refused("2 inputs given", track, two)
     refused("calibration must lie between", track, data, calibration=99.0)
+    refused("the record of 20 s is no longer than the calibration, 30 s unless given", track, data[:1000])
     refused("samples of calibration given", track, data, calibration=1.0)
     refused("drift must lie", track, data, drift=0.0)
     refused("drift must lie", track, data, drift=1e300)
