@@ -12,11 +12,14 @@ three plays. A chirp is a sweep, up or down by chance, from a random phase.
 `--bandwidth` asks for the frequency 3.01 dB below the gain at 0.5 Hz besides, the lowest strong line: how often its
 interval holds that of the best linear system, between whose lines a cubic spline runs. Criterion of the same day,
 before any record was asked: at least 90 % over all; no width is asked for, as both ends of the interval are cautious.
+
+`--order` identifies the same records by `oe`, `pem_ss` and `n4sid` of another order, without a criterion.
 """
 
 import itertools
 import warnings
 from dataclasses import replace
+from functools import partial
 from multiprocessing import Pool
 
 import numpy as np
@@ -36,7 +39,6 @@ from tests.benchmarks.tables import heading, row
 KINDS = ("prbs", "multisine", "chirp", "short prbs")
 AMPLITUDES = (0.5, 1.0, 2.0)
 COLUMNS = ("with distortion and order, %", "errors that repeat once, %", "noise alone, %", "width / spread", "fits")
-METHODS = ("arx", "armax", "iv4", "oe", "okid")
 HZ = np.array([0.5, 1.0, 2.0])
 DURATION = 60.0
 PERIOD = 300
@@ -121,35 +123,46 @@ def estimated(structure, data):
     return getattr(sysid, structure.estimator)(data, *structure.orders)
 
 
+def estimators(joint, order):
+    """Estimators by name: of the thesis' orders, or of one that is given."""
+    if order is None:
+        return {structure.method: partial(estimated, structure) for structure in every_structure(joint)}
+    return {
+        "oe": lambda data: sysid.oe(data, order, order, 2),
+        "pem_ss": lambda data: sysid.pem_ss(data, order),
+        "n4sid": lambda data: sysid.n4sid(data, order),
+    }
+
+
 def combination(task):
     """Identify the records of one kind, joint and amplitude by every method, and judge the intervals."""
-    kind, joint, amplitude, count, sequences, seed, bandwidth = task
+    kind, joint, amplitude, count, sequences, seed, bandwidth, order = task
     f, gain = best_linear_gain(records(kind, joint, amplitude, range(seed, seed + sequences)))
     truth = gain[np.searchsorted(f, HZ)]
     hz = bandwidth_of(f, gain) if bandwidth else None
     fresh = records(kind, joint, amplitude, range(seed + 10_000, seed + 10_000 + count))
-    return (kind, joint, amplitude), outcomes(fresh, joint, truth, hz)
+    return (kind, joint, amplitude), outcomes(fresh, estimators(joint, order), truth, hz)
 
 
-def outcomes(recorded, joint, truth, hz=None):
+def outcomes(recorded, fits, truth, hz=None):
     """Logarithms of gain over truth, and which interval holds it, of every record and method.
 
     Args:
         recorded: Records of the joint.
-        joint: Name.
+        fits: Estimators by name.
         truth: Gain of the best linear system at `HZ`.
         hz: Its bandwidth from the lowest strong line; None asks for none.
     """
     asked = HZ if hz is None else GRID
     rows = np.searchsorted(asked, HZ)
-    found = {method: [] for method in METHODS}
+    found = {method: [] for method in fits}
     for data in recorded:
         about_mean = data.detrend()
-        for structure in every_structure(joint):
+        for method, fit in fits.items():
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 try:
-                    estimate = estimated(structure, about_mean)
+                    estimate = fit(about_mean)
                     error = model_error(estimate, about_mean, asked)
                 except SysidError:
                     # IV4 is unstable now and then, and says so.
@@ -161,7 +174,7 @@ def outcomes(recorded, joint, truth, hz=None):
             low, high = intervals[0]
             of_bandwidth = np.full(len(HZ), np.nan if hz is None else holds(error.bandwidth(LOWEST), hz))
             ratio = np.log(error.gain[rows, 0, 0] / truth)
-            found[structure.method].append((ratio, *held, np.log(high / low), of_bandwidth))
+            found[method].append((ratio, *held, np.log(high / low), of_bandwidth))
     return {method: np.array(list_of) for method, list_of in found.items()}
 
 
@@ -184,10 +197,11 @@ def main():
     parser.add_argument("--sequences", type=int, default=40, help="other sequences that the truth is the mean of")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS[:3])
+    parser.add_argument("--order", type=int, help="of oe, pem_ss and n4sid, in place of the thesis' models")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--bandwidth", action="store_true", help="the bandwidth from the gain at 0.5 Hz besides")
     arguments = parser.parse_args()
-    shared = (arguments.records, arguments.sequences, arguments.seed, arguments.bandwidth)
+    shared = (arguments.records, arguments.sequences, arguments.seed, arguments.bandwidth, arguments.order)
     wanted = [(*key, *shared) for key in itertools.product(arguments.kinds, STUDIED_JOINTS, AMPLITUDES)]
     with Pool(arguments.processes) as pool:
         results = dict(pool.imap(combination, wanted))
@@ -202,7 +216,7 @@ def main():
         for value in values:
             label = f"{value:g} V" if isinstance(value, float) else value.replace("_", " ")
             print_rows(label, chosen(position, value))
-    for method in METHODS:
+    for method in estimators(STUDIED_JOINTS[0], arguments.order):
         print_rows(method, [cells[method] for cells in results.values() if len(cells[method])])
     print_rows("all", [cell for cells in results.values() for cell in cells.values() if len(cell)])
 

@@ -19,7 +19,7 @@ import numpy as np
 from hmtb_twin import STUDIED_JOINTS, simulate
 from scenarios.experiments.multisines import Multisines
 from tests.benchmarks import tables
-from tests.benchmarks.best_linear_intervals import COLUMNS, HZ, METHODS, outcomes, print_rows
+from tests.benchmarks.best_linear_intervals import COLUMNS, HZ, estimators, outcomes, print_rows
 from tests.benchmarks.tables import heading
 from tests.benchmarks.tracking import Exchange
 
@@ -67,7 +67,8 @@ def combination(task):
     """Outcomes of every method on the records of one combination."""
     joint, rms, count, sequences, seed = task
     truth = best_linear_gain(records(joint, rms, range(seed, seed + sequences)))
-    return (joint, rms), outcomes(records(joint, rms, range(seed + 10_000, seed + 10_000 + count)), joint, truth)
+    fits = estimators(joint, None)
+    return (joint, rms), outcomes(records(joint, rms, range(seed + 10_000, seed + 10_000 + count)), fits, truth)
 
 
 def main():
@@ -87,7 +88,7 @@ def main():
             label = f"{1e3 * value:g} mrad rms" if isinstance(value, float) else value.replace("_", " ")
             chosen = [cells for key, cells in results.items() if key[position] == value]
             print_rows(label, [cell for cells in chosen for cell in cells.values() if len(cell)])
-    for method in METHODS:
+    for method in estimators(STUDIED_JOINTS[0], None):
         print_rows(method, [cells[method] for cells in results.values() if len(cells[method])])
     print_rows("all", [cell for cells in results.values() for cell in cells.values() if len(cell)])
 
