@@ -134,6 +134,14 @@ def estimators(joint, order):
     }
 
 
+def interval_of_parameters(estimate):
+    """Ends of the interval of the gain at `HZ` from the parameters; NaN where the estimator gives no covariance."""
+    response = estimate.frequency_response(HZ)
+    if response.covariance is None:
+        return np.full((2, len(HZ), 1, 1), np.nan)
+    return response.magnitude_ci95()
+
+
 def combination(task):
     """Identify the records of one kind, joint and amplitude by every method, and judge the intervals."""
     kind, joint, amplitude, count, sequences, seed, bandwidth, order = task
@@ -167,7 +175,7 @@ def outcomes(recorded, fits, truth, hz=None):
                 except SysidError:
                     # IV4 is unstable now and then, and says so.
                     continue
-            once = estimate.frequency_response(HZ).magnitude_ci95()
+            once = interval_of_parameters(estimate)
             of_error = [[end[rows, 0, 0] for end in ends] for ends in (error.interval, error.noise_alone)]
             intervals = [of_error[0], [end[:, 0, 0] for end in once], of_error[1]]
             held = [(low <= truth) & (truth <= high) for low, high in intervals]
