@@ -26,7 +26,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 import sysid
-from hmtb_twin import STUDIED_JOINTS, simulate
+from hmtb_twin import JOINTS, STUDIED_JOINTS, simulate
 from scenarios import load
 from scenarios.experiments.excitation import TIME
 from scenarios.experiments.log_review import settled
@@ -205,12 +205,13 @@ def main():
     parser.add_argument("--sequences", type=int, default=40, help="other sequences that the truth is the mean of")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS[:3])
+    parser.add_argument("--joints", nargs="+", choices=JOINTS, default=STUDIED_JOINTS, help="others need --order")
     parser.add_argument("--order", type=int, help="of oe, pem_ss and n4sid, in place of the thesis' models")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--bandwidth", action="store_true", help="the bandwidth from the gain at 0.5 Hz besides")
     arguments = parser.parse_args()
     shared = (arguments.records, arguments.sequences, arguments.seed, arguments.bandwidth, arguments.order)
-    wanted = [(*key, *shared) for key in itertools.product(arguments.kinds, STUDIED_JOINTS, AMPLITUDES)]
+    wanted = [(*key, *shared) for key in itertools.product(arguments.kinds, arguments.joints, AMPLITUDES)]
     with Pool(arguments.processes) as pool:
         results = dict(pool.imap(combination, wanted))
     heading("", *COLUMNS, *(["bandwidth from 0.5 Hz, %"] if arguments.bandwidth else []))
@@ -220,11 +221,11 @@ def main():
             cell for key, cells in results.items() if key[position] == value for cell in cells.values() if len(cell)
         ]
 
-    for position, values in enumerate((arguments.kinds, STUDIED_JOINTS, AMPLITUDES)):
+    for position, values in enumerate((arguments.kinds, arguments.joints, AMPLITUDES)):
         for value in values:
             label = f"{value:g} V" if isinstance(value, float) else value.replace("_", " ")
             print_rows(label, chosen(position, value))
-    for method in estimators(STUDIED_JOINTS[0], arguments.order):
+    for method in estimators(arguments.joints[0], arguments.order):
         print_rows(method, [cells[method] for cells in results.values() if len(cells[method])])
     print_rows("all", [cell for cells in results.values() for cell in cells.values() if len(cell)])
 
