@@ -123,10 +123,7 @@ def truth(
     check_seed(seed)
     if threads is not None and bla is None and not maps:
         raise ScenarioError(f"--threads {threads} given without --bla or --maps, which alone use threads")
-    if bla is not None and not 0.0 < bla < float("inf"):
-        raise ScenarioError(f"--bla {bla:g} given, expected a root mean square above 0 rad, as 0.01")
-    if density is not None and not maps:
-        raise ScenarioError(f"--density {density:g} given without --maps")
+    _check_sizes(bla, density, maps=maps)
     factor = 1.0 if density is None else density
     grid = Density.scaled(factor)
     if maps and out is not None and out.suffix in FIGURES:
@@ -153,6 +150,13 @@ def truth(
     if files:
         say_next("truth", "--maps", "--out", files[0].with_name("maps"))
     return 0
+
+
+def _check_sizes(bla: float | None, density: float | None, *, maps: bool) -> None:
+    if bla is not None and not 0.0 < bla < float("inf"):
+        raise ScenarioError(f"--bla {bla:g} given, expected a root mean square above 0 rad, as 0.01")
+    if density is not None and not maps:
+        raise ScenarioError(f"--density {density:g} given without --maps")
 
 
 def _arm_of_options(stated: Mapping[str, Any]) -> "tuple[Arm, Pose, None]":

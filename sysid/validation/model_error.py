@@ -303,13 +303,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
     if not estimate.model.is_stable():
         raise SysidError("model_error simulates the model: expected a stable one")
     errors = simulation_errors(estimate, experiments)
-    if estimate.data.hashes and not any(estimate.data.include(experiment) for experiment in experiments):
-        warnings.warn(
-            "the record is none that the model was estimated from: the intervals of its parameters and the errors of "
-            "the simulation are of different records",
-            SysidWarning,
-            stacklevel=2,
-        )
+    _warn_of_other_records(estimate, experiments)
     scored = [e.scored for e in experiments]
     ny = estimate.model.ny
     gain = np.abs(estimate.realise(estimate.parameters).frequency_response(f))
@@ -344,6 +338,16 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
     )
+
+
+def _warn_of_other_records(estimate: Estimate, experiments: Sequence[IOData]) -> None:
+    if estimate.data.hashes and not any(estimate.data.include(experiment) for experiment in experiments):
+        warnings.warn(
+            "the record is none that the model was estimated from: the intervals of its parameters and the errors of "
+            "the simulation are of different records",
+            SysidWarning,
+            stacklevel=3,
+        )
 
 
 @dataclass(frozen=True)
