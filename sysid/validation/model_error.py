@@ -199,7 +199,7 @@ class ModelError(Locked):
             f"{name}: {100.0 * repeated.share:.0f} % of the simulation errors' power is the same in all {periods} "
             f"periods{of_all}, so it is no noise: "
         )
-        return text + self._told_by_sequences(output)
+        return text + self._told_by_sequences(output) + self._hidden_by_sweeps(output)
 
     def _unlike_inputs(self, output: int) -> str:
         """Say that the recorded input differs between its periods, as noise of its measurement makes it."""
@@ -225,14 +225,14 @@ class ModelError(Locked):
                 f"nonlinear distortion, as errors {also}differ from sequence to sequence (p = {compared.p_alike:.2g})"
             )
         if parts:
-            return ", and ".join(parts) + self._hidden_by_sweeps(output)
+            return ", and ".join(parts)
         text = "nonlinear distortion, or too low an order"
         if np.isfinite(compared.p_common):
-            return f"{text}; the sequences do not tell which" + self._hidden_by_sweeps(output)
+            return f"{text}; the sequences do not tell which"
         repeated = self.repeated[output]
         if repeated is not None and len(repeated.groups) == 1:
             text += "; a second sequence, best a random-phase multisine of the same band and strength, tells them apart"
-        return text + self._hidden_by_sweeps(output)
+        return text
 
     def _hidden_by_sweeps(self, output: int) -> str:
         """Say that distortion under sweeps changes too smoothly from line to line to be seen."""

@@ -124,7 +124,7 @@ def estimated(structure, data):
 
 
 def estimators(joint, order):
-    """Estimators by name: of the thesis' orders, or of one that is given."""
+    """Estimators of a joint by name, with the thesis' orders or with a given one."""
     if order is None:
         return {structure.method: partial(estimated, structure) for structure in every_structure(joint)}
     return {
