@@ -42,6 +42,10 @@ BESIDE = 2.0  # ratio within which lines tell how fast the error changes
 UNLIKE = 0.005  # share of the input's power that differs between periods, from which it is told
 FEEDBACK = 1e-3  # p-value below which feedback is told
 MOST_LINES = 200  # about a frequency: the time grows with their third power
+AS_EFFICIENT = (
+    "its parameters count as uncertain as those of an efficient one, `pem_ss` started from this model, at best"
+)
+NO_BOUND = "a bound of it cannot be computed either, so no interval is given; `pem_ss` started from this model has one"
 ANCHORS = 24  # frequencies at which the posterior is computed, at most; between them it is interpolated
 LOWEST, HIGHEST = 0.025, 0.975  # probabilities at the ends of a 95 % interval
 LARGEST_STEP = 1.2  # ratio of neighbouring frequencies between which a gain is interpolated
@@ -73,6 +77,8 @@ class ModelError(Locked):
         strong_line: Lowest frequency at which every input is strong, Hz: below it a model extrapolates.
         covariance_is_known: Whether the estimator gives a covariance of the parameters; otherwise they count as if it
             were efficient.
+        bound_is_known: Whether the parameters have a covariance, the estimator's or that of an efficient one; without
+            it the interval is NaN.
         input_names: One name per input.
         output_names: One name per output.
     """
@@ -90,6 +96,7 @@ class ModelError(Locked):
     p_feedback: float
     strong_line: float
     covariance_is_known: bool
+    bound_is_known: bool
     input_names: tuple[str, ...]
     output_names: tuple[str, ...]
 
@@ -124,10 +131,8 @@ class ModelError(Locked):
                     "the record does not tell which path has the error; sequences of their own would"
                 )
             if not self.covariance_is_known:
-                text += (
-                    "; the estimator gives no covariance: its parameters count as uncertain as those of an efficient "
-                    "one, `pem_ss` started from this model, at best"
-                )
+                text += "; the estimator gives no covariance: "
+                text += AS_EFFICIENT if self.bound_is_known else NO_BOUND
             texts.append(text + self._unlike_inputs(i))
         return tuple(texts)
 
@@ -335,6 +340,7 @@ def model_error(estimate: Estimate, data: IOData | Sequence[IOData], f_hz: Array
         p_feedback=_p_of_feedback(scored) if any(output.p_value >= LEVEL for output in outputs) else float("nan"),
         strong_line=lowest_strong_line(scored),
         covariance_is_known=covariance_is_known,
+        bound_is_known=bool(np.isfinite(estimate.covariance).all()),
         input_names=estimate.data.input_names,
         output_names=estimate.data.output_names,
     )
@@ -424,9 +430,9 @@ def _interval(
         with_error = _log_intervals(output.lines, estimate, i, f)
         for j in range(estimate.model.nu):
             below, above = gain[:, i, j] * np.exp(with_error[:, j].T)
-            # the interval holds that of the parameters, whatever the lines say of its error
-            low[:, i, j] = np.fmin(np.minimum(below, gain[:, i, j]), low[:, i, j])
-            high[:, i, j] = np.fmax(np.maximum(above, gain[:, i, j]), high[:, i, j])
+            # the interval holds that of the parameters, whatever the lines say of its error; NaN where that is unknown
+            low[:, i, j] = np.minimum(np.minimum(below, gain[:, i, j]), low[:, i, j])
+            high[:, i, j] = np.maximum(np.maximum(above, gain[:, i, j]), high[:, i, j])
             unknown = ~np.isfinite(below)
             low[unknown, i, j] = high[unknown, i, j] = np.nan
     return low, high

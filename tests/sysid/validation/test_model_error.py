@@ -1,5 +1,6 @@
 """Intervals for the gain of the best linear system, of models of too low an order and of nonlinear systems."""
 
+import dataclasses
 import re
 
 import numpy as np
@@ -417,6 +418,18 @@ def test_without_a_covariance_parameters_count_as_uncertain_as_those_of_an_effic
     # of the right order the two are nearly the same model
     if order == 2:
         assert np.median(widths) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_without_a_covariance_and_its_bound_no_interval_is_given(order):
+    """The lines alone would say that the error of the parameters is none, whether noise explains the errors or not."""
+    data = linear_record(0)
+    fit = sysid.n4sid(data, order)
+    no_noise = dataclasses.replace(fit, noise_variance=np.full_like(fit.noise_variance, np.nan))
+    result = model_error(no_noise, data, HZ)
+    assert np.isnan(result.interval).all()
+    assert "no interval is given" in result.reasons[0]
+    assert "efficient" not in result.reasons[0]
 
 
 def test_an_operating_point_does_not_matter_without_a_covariance():
