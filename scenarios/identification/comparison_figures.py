@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import replace
 from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,7 +11,7 @@ import numpy as np
 import sysid
 from scenarios.files.data_file import joints_of
 from scenarios.files.errors import ScenarioError
-from scenarios.identification.identification import Identification, long_lag
+from scenarios.identification.identification import Identification, spectral_analysis
 from scenarios.identification.model_comparison import JudgedModel, records_about_means
 from sysid import IOData, plots
 from sysid.plots import PALETTE, Style, Trace
@@ -29,9 +28,6 @@ PIECE = 8.0
 
 SHORT_PIECE = 5.0
 """Length of the outputs that `outputs_figure` draws when none is given, s."""
-
-COHERENT = 0.5
-"""Least coherence of the nonparametric response that is drawn: below, it shows the disturbance."""
 
 PATTERNS = ("-.", ":", "--")
 """Lines of printed models, which share a colour."""
@@ -156,11 +152,8 @@ def _bode(models: Sequence[StyledModel], beside: Sequence[StyledModel], width: f
     first = records[0]
     alike = [drawn for drawn in models if _channels(drawn) == _channels(models[0])]
     curves = []
-    with suppress(sysid.SysidError):  # records too short for a spectrum still have models to draw
-        response = sysid.spa(records, lag=long_lag(records)).determined()
-        # Of several channels the coherence tells no single path apart.
-        if response.coherence is not None and response.coherence[0].size == 1:
-            response = response.select(response.coherence[:, 0, 0] > COHERENT)
+    # records too short for a spectrum still have models to draw
+    if (response := spectral_analysis(records)) is not None:
         curves += curves_of({"spectral analysis": response}, None)
     for drawn in (*alike, *beside):
         curves += [replace(curve, style=drawn.style) for curve in curves_of({drawn.label: drawn.model.item}, None)]

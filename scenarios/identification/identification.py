@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 import sysid
 from scenarios.experiments.joint_inputs import LAGS
 from scenarios.files.data_file import excited
-from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.errors import MissingRecordError, ScenarioError, unknown
 from scenarios.identification.adapted_estimators import integrates
 from scenarios.identification.methods import ESTIMATORS, estimate
 from scenarios.identification.run_agreement import RunAgreement, run_agreement
@@ -31,7 +31,7 @@ from sysid.polynomial.weighted_output_errors import UNWEIGHTED
 from sysid.records.arrays import FloatArray
 from sysid.records.data import complete_parts
 from sysid.records.errors import Message, reworded
-from sysid.records.excited_band import excited_band, lowest_strong_line
+from sysid.records.excited_band import excited_band, hann_power, lowest_strong_line, not_leakage
 from sysid.records.resolution import resolution
 from sysid.validation.command_baseline import CommandBaseline, command_baseline
 from sysid.validation.input_independence import LIMIT, input_independence
@@ -69,6 +69,12 @@ WIDEST_STEP = 1.1
 
 BELOW = 0.2
 """Lowest of them but 0 Hz, relative to the lowest strong line of the input."""
+
+COHERENT = 0.5
+"""Least coherence of the nonparametric response that is drawn: below, it shows the disturbance."""
+
+SIDE_LOBES = 10 ** (-42.7 / 20)
+"""Highest side lobe of the Hamming window over its peak: with less power than this, an estimate is leakage."""
 
 DRAWN = 2000
 """Samples of measured and model outputs that are drawn, of longer records the first."""
@@ -803,14 +809,46 @@ def long_lag(data: IOData | Sequence[IOData]) -> int:
 
 
 def spectral_analysis(parts: Sequence[IOData]) -> FrequencyResponse | None:
-    """Frequency response by spectral analysis of the records of a fit; None where they are too short or unexcited."""
+    """Frequency response by spectral analysis of the records of a fit, NaN where an input has no power of its own.
+
+    NaN too where a single input and output are hardly coherent: it would show the disturbance. None where records are
+    too short, or nothing is known.
+    """
     about = subtract_means(parts)
     with suppress(SysidError), warnings.catch_warnings():
         warnings.simplefilter("ignore", sysid.SysidWarning)
         response = sysid.spa(about, lag=long_lag(about))
-        if np.isfinite(response.response).any():
-            return response
+        known = np.isfinite(response.response).all(axis=(1, 2)) & _beyond_side_lobes(response)
+        known &= _every_input_has_power(about, response.frequencies)
+        if response.covariance is not None:
+            # spectra that leakage governs have no variance: their coherence would exceed one
+            known &= np.isfinite(response.covariance).all(axis=(1, 2, 3, 4))
+        # of several channels the coherence tells no single path apart
+        if response.coherence is not None and response.coherence[0].size == 1:
+            known &= response.coherence[:, 0, 0] > COHERENT
+        if known.any():
+            # a line that ends where nothing is known, and does not bridge it
+            return replace(response, response=np.where(known[:, None, None], response.response, np.nan))
     return None
+
+
+def _every_input_has_power(parts: Sequence[IOData], frequencies: FloatArray) -> NDArray[np.bool_]:
+    """Whether each input has power of its own, not leaked from elsewhere, at each frequency (K,), in any record."""
+    has_power = np.zeros((len(frequencies), parts[0].nu), dtype=bool)
+    for part in parts:
+        for j, u in enumerate(part.scored.u.T):
+            own = not_leakage(hann_power(u))
+            lines = np.rint(frequencies * len(u) * part.dt).astype(int)
+            has_power[:, j] |= own[np.minimum(lines, len(own) - 1)]
+    return np.asarray(has_power.all(axis=1))
+
+
+def _beyond_side_lobes(response: FrequencyResponse) -> NDArray[np.bool_]:
+    """Whether each input has more power than the window leaks from its strongest line, at each frequency (K,)."""
+    if response.input_spectrum is None:
+        raise MissingRecordError(f"the response by {response.method} has no input spectrum")
+    power = np.einsum("fjj->fj", response.input_spectrum).real
+    return np.asarray((power > SIDE_LOBES * power.max(axis=0)).all(axis=1))
 
 
 def figures(result: Identification) -> Mapping[str, "Figure"]:

@@ -4,16 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import sysid
 from scenarios.identification.identification import Identification, spectral_analysis
 from scenarios.report.chart import Chart, Panel, Series, record_series
-from sysid import Estimate, FrequencyResponse, IOData
+from scenarios.report.figure_style import points
+from sysid import Estimate, FrequencyResponse
 from sysid.models.confidence_bands import band
 from sysid.plots import BOUND, PALETTE, Style
-from sysid.records.arrays import FloatArray
-from sysid.records.excited_band import hann_power, not_leakage
 
 PIECE = 500
 """Samples of the piece of a record that is drawn sample by sample."""
@@ -174,30 +172,7 @@ def _nonparametric(result: Identification) -> FrequencyResponse | None:
     # the drift of an integrator leaks into every frequency
     if parts[0].nu > 1 or result.fitted.integrates.any():
         return None
-    response = spectral_analysis(parts)
-    if response is None:
-        return None
-    known = np.isfinite(response.response[:, 0, 0]) & _has_power(parts, response.frequencies)
-    if response.covariance is not None:
-        # spectra that leakage governs have no variance: their coherence would exceed one
-        known &= np.isfinite(response.covariance[:, 0, 0, 0, 0])
-    if response.coherence is not None:
-        known &= response.coherence[:, 0, 0] > 0.5
-    if not known.any():
-        return None
-    # A line that ends where the input has no power, and does not bridge it.
-    return replace(response, response=np.where(known[:, None, None], response.response, np.nan))
-
-
-def _has_power(parts: Sequence[IOData], frequencies: FloatArray) -> NDArray[np.bool_]:
-    """Whether the only input has power of its own at each of the frequencies (K,), in any of the records."""
-    has_power = np.zeros(len(frequencies), dtype=bool)
-    for part in parts:
-        u = part.scored.u[:, 0]
-        own = not_leakage(hann_power(u))
-        lines = np.rint(frequencies * len(u) * part.dt).astype(int)
-        has_power |= own[np.minimum(lines, len(own) - 1)]
-    return has_power
+    return spectral_analysis(parts)
 
 
 def _bode_panels(
@@ -211,18 +186,37 @@ def _bode_panels(
     response = fitted.estimate.frequency_response(frequencies)
     gains, phases = [], []
     if nonparametric is not None:
-        gains.append(_gain_series("spectral analysis", nonparametric, PALETTE["spa"], i, j, with_interval=False))
-        phases.append(_phase_series("spectral analysis", nonparametric, PALETTE["spa"], i, j, with_interval=False))
+        of_spectrum = _spectral_style(nonparametric)
+        gains.append(_gain_series("spectral analysis", nonparametric, of_spectrum, i, j, with_interval=False))
+        phases.append(_phase_series("spectral analysis", nonparametric, of_spectrum, i, j, with_interval=False))
     gains.append(_gain_series("model", response, style, i, j))
+    gain_limits = _limits_of(gains)
     gains += _error_series(result, i, j)
     phases.append(_phase_series("model", response, style, i, j))
     hz = fitted.claims[i][j].hz
     marks = (("x", hz, f"{hz:.3g} Hz"),) if np.isfinite(hz) else ()
     limits = (float(frequencies[0]), float(frequencies[-1]))
     return (
-        Panel("frequency / Hz", "gain / dB", gains, log="x", x_limits=limits, marks=marks),
+        Panel("frequency / Hz", "gain / dB", gains, log="x", x_limits=limits, y_limits=gain_limits, marks=marks),
         Panel("frequency / Hz", "phase / °", phases, log="x", x_limits=limits, marks=marks),
     )
+
+
+def _spectral_style(response: FrequencyResponse) -> Style:
+    """A line, or points where most known values stand between unknown ones, as under an input of separate lines."""
+    known = np.isfinite(response.response[:, 0, 0])
+    beside = np.zeros_like(known)
+    beside[1:] |= known[:-1]
+    beside[:-1] |= known[1:]
+    alone = known & ~beside
+    return points("spa", "o") if alone.sum() > 0.5 * known.sum() else PALETTE["spa"]
+
+
+def _limits_of(gains: Sequence[Series]) -> tuple[float, float]:
+    """Range of an axis that shows gains in dB: intervals with distortion may leave it, which would flatten the rest."""
+    values = np.concatenate([np.asarray(series.y) for series in gains])
+    values = values[np.isfinite(values)]
+    return float(values.min(initial=0.0)) - 10.0, float(values.max(initial=0.0)) + 10.0
 
 
 def _gain_series(

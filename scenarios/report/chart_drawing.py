@@ -14,6 +14,9 @@ from sysid.plots import BOUND
 LEGEND_KEY, LETTER = 0.45, 0.068
 """Width of a legend's line with its gaps, and of a letter of its labels, inch."""
 
+RIGHT = 0.75
+"""Part of a panel's width beyond which the name of a line stands at its left."""
+
 STEM_END = 2.0
 """Diameter of the end of a stem, points."""
 
@@ -86,13 +89,13 @@ def _draw_panel(axes: Axes, panel: Panel, *, name_marks: bool) -> list[tuple[str
     # Before anything is drawn: lines across the panel would else begin at 0.
     axes.set(**{f"{axis}scale": "log" for axis in panel.log})
     lines = [(series.label, _draw_series(axes, series)) for series in panel.series]
-    for mark in panel.marks:
-        _draw_mark(axes, mark, named=name_marks)
     # Limits that are not given stay open, for panels that share their axes.
     if panel.x_limits:
         axes.set_xlim(panel.x_limits)
     if panel.y_limits:
         axes.set_ylim(panel.y_limits)
+    for mark in panel.marks:
+        _draw_mark(axes, mark, named=name_marks)
     axes.set_xlabel(_without_formulas(panel.x), fontsize=9)
     axes.set_ylabel(_without_formulas(panel.y), fontsize=9)
     if panel.equal:
@@ -122,8 +125,10 @@ def _draw_mark(axes: Axes, mark: tuple[str, float, str], *, named: bool) -> None
         return
     place: dict[str, Any]
     if axis == "x":
-        offset = (3, 1)
-        place = {"xy": (value, 1.0), "xycoords": axes.get_xaxis_transform(), "ha": "left", "va": "top"}
+        in_axes = axes.transAxes.inverted().transform(axes.get_xaxis_transform().transform((value, 1.0)))
+        # beside the right edge the name would leave the panel
+        side, offset = ("right", (-3, 1)) if in_axes[0] > RIGHT else ("left", (3, 1))
+        place = {"xy": (value, 1.0), "xycoords": axes.get_xaxis_transform(), "ha": side, "va": "top"}
     else:
         offset = (0, 1)
         place = {"xy": (1.0, value), "xycoords": axes.get_yaxis_transform(), "ha": "right", "va": "bottom"}

@@ -65,7 +65,7 @@ def write_figures(figures: Iterable[ReportFigure], folder: Path, formats: Sequen
                 if not drawn:
                     break
                 file_name = _file_name(figure.name, choice)
-                drawing = draw(panels, figure.chart.columns, row_height=_row_height(figure.chart))
+                drawing = draw(panels, figure.chart.columns, row_height=_row_height(figure.chart), name_marks=True)
                 for ending in drawn:
                     files.append(folder / f"{file_name}.{ending}")
                     save_figure(drawing, files[-1], dpi=150)

@@ -85,7 +85,7 @@ def motion_map(cells: Sequence[Mapping[str, Any]]) -> Figure:
     titled = []
     for (joint,), panels in chart.views.items():
         titled += [replace(panel, title=f"{joint}, {panel.title}") for panel in panels]
-    return draw(titled, chart.columns)
+    return draw(titled, chart.columns, name_marks=True)
 
 
 def _curves(cells: Sequence[Mapping[str, Any]], motion: float) -> tuple[Series, ...]:

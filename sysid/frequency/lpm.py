@@ -89,7 +89,7 @@ def lpm(
     else:
         f = checked_frequencies(frequencies, first.dt, zero=False)
     response, covariance, noise = local.solve_all(f, width)
-    warn_each(_fast_changes(local, f, width))
+    warn_each(_fast_changes(local, f, width, bool(period)))
     if not np.isfinite(response).any():
         warnings.warn(
             f"the inputs do not determine the response at any of the {len(f)} frequencies: they have no power there, "
@@ -170,7 +170,7 @@ def _default_frequencies(samples: int, dt: float) -> FloatArray:
     return np.asarray(lines / (samples * dt))
 
 
-def _fast_changes(local: LocalFit, f: FloatArray, width: int) -> list[str]:
+def _fast_changes(local: LocalFit, f: FloatArray, width: int, repeats: bool) -> list[str]:
     """Warn of frequencies at which the response changes faster than the polynomials can follow."""
     if local.denominator:
         return []
@@ -187,8 +187,9 @@ def _fast_changes(local: LocalFit, f: FloatArray, width: int) -> list[str]:
     fast = asked[(near & least).any(axis=1)]
     if not len(fast):
         return []
+    without_smoothing = "; `bla` of whole periods does not smooth over lines" if repeats else ""
     return [
         f"the response changes faster {where_in_words(fast)} than polynomials over {2 * width + 1} lines follow, as "
         "beside a lightly damped resonance: its values there may be wrong by more than their deviations say; "
-        "denominator=2 follows it, and a longer record or period has closer lines"
+        f"denominator=2 follows it, and a longer record or period has closer lines{without_smoothing}"
     ]

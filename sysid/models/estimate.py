@@ -34,13 +34,15 @@ class Bandwidth(Locked):
     """Half-power bandwidths with 95 % intervals.
 
     Attributes:
-        hz: First frequency 3.01 dB below the gain at 0 Hz (ny, nu); NaN where there is none below Nyquist.
+        hz: First frequency 3.01 dB below the gain at the reference (ny, nu); NaN where there is none below Nyquist.
         ci95: Lower and upper end (ny, nu) each, symmetric on a logarithmic scale as far as the Nyquist frequency; NaN
             where `hz` is.
+        reference: Frequency of the gain that it falls from, Hz.
     """
 
     hz: FloatArray
     ci95: tuple[FloatArray, FloatArray]
+    reference: float = 0.0
 
     def covers(self, hz: ArrayLike) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Whether the interval contains `hz`, entry by entry (ny, nu); False where there is no bandwidth."""

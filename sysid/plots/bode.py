@@ -27,6 +27,7 @@ from sysid.records.arrays import FloatArray
 from sysid.validation.model_error import ModelError
 
 SIGNIFICANT = 2.0  # least magnitude of a response, in standard deviations, for its phase to be drawn
+FARTHEST = 10.0  # dB beyond the curves that the axis includes of an interval with distortion and order, for each end
 DEEPEST = -90.0  # lowest magnitude that the axis includes, dB
 
 
@@ -86,11 +87,11 @@ def bode(
             upper, lower = grid[2 * a, b], grid[2 * a + 1, b]
             for curve in drawn:
                 _draw(upper, lower, curve, reference, i, j)
-            if error is not None:
-                _draw_error(upper, error, i, j)
             if relative_to_dc:
                 _half_power(upper)
             fit_to_lines(upper, floor=DEEPEST)
+            if error is not None:
+                _draw_error(upper, error, i, j)
             fit_to_lines(lower)
             if not single:
                 upper.set_title(f"{inputs[j]} → {outputs[i]}", loc="left", fontsize=9)
@@ -148,7 +149,12 @@ def _draw_error(upper: Axes, error: ModelError, i: int, j: int) -> None:
     # Below the strong lines of the input nothing is measured.
     keep = (f > 0.0) & (f >= error.strong_line)
     for end, label in zip(error.interval, ("95 % with distortion and order", None), strict=True):
-        line(upper, f[keep], decibel(end[keep, i, j]), BOUND, label)
+        ends = decibel(end[keep, i, j])
+        line(upper, f[keep], ends, BOUND, label)
+        # an end that leads far away is cut off: it would flatten the curves
+        low, high = upper.get_ylim()
+        known = np.clip(ends[np.isfinite(ends)], low - FARTHEST, high + FARTHEST)
+        upper.set_ylim(known.min(initial=low), known.max(initial=high))
 
 
 def _of_model(response: FrequencyResponse) -> bool:

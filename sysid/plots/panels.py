@@ -64,7 +64,7 @@ def size_of(
 
 
 def line(axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | None, *, width: float = 0.0) -> None:
-    """Draw a line, or markers alone where the style has no line."""
+    """Draw a line, and a point for a value between unknown ones; markers alone where the style has no line."""
     marker = "" if style.line else style.marker
     width, pattern = width or style.width, style.line
     if len(x) > LONG and pattern and pattern != "-":
@@ -74,6 +74,10 @@ def line(axes: Axes, x: FloatArray, y: FloatArray, style: Style, label: str | No
     axes.plot(
         x, y, color=style.colour, ls=pattern, lw=width, marker=marker, ms=5, label=label, zorder=2.5 - 0.1 * width
     )
+    unknown = np.concatenate(([True], ~np.isfinite(y), [True]))
+    alone = ~unknown[1:-1] & unknown[:-2] & unknown[2:]
+    if style.line and alone.any():
+        axes.plot(x[alone], y[alone], ls="", marker="o", ms=3, color=style.colour)
 
 
 def shade(axes: Axes, x: FloatArray, low: FloatArray, high: FloatArray, style: Style) -> None:

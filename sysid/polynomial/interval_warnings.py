@@ -164,7 +164,7 @@ def _nearly_shared(
             messages.append(
                 f"{names} nearly share a root: what holds them apart is {np.sqrt(strength):.2g} standard deviations, "
                 f"expected {np.sqrt(SHARED_ROOT):.2g} or more. Intervals are too short, above all of these "
-                "coefficients. Choose one order less of each"
+                "coefficients; a model with one order less of each has no such root"
             )
     return messages
 

@@ -170,7 +170,7 @@ class ModelError(Locked):
             first[i, j] = _crossing(f, low[path], high[0, i, j])
             last[i, j] = _crossing(f, high[path], low[0, i, j])
         _check_steps(f, np.stack((hz, last)))
-        return Bandwidth(hz, (first, last))
+        return Bandwidth(hz, (first, last), float(at))
 
     def _reason(self, output: int) -> str:
         name, p_value = self.output_names[output], self.p_values[output]

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 
 from scenarios.commands.cli import main
 from scenarios.identification.file_identification import identify_files
+from scenarios.identification.identification import figures
 from scenarios.identification.result_tables import verdict
 from scenarios.model_report import model_charts, summary
 from scenarios.model_report.plain_english import graded
@@ -63,6 +64,36 @@ def test_spectral_analysis_is_drawn_where_the_input_has_power(tmp_path):
         distance = np.abs(at[:, None] - tones)
         assert np.all(distance.min(axis=1) < 0.1)
         assert np.all(distance.min(axis=0) < 0.1)
+    # so too in the figures beside the report
+    (upper, _) = figures(found.result)["bode"].axes
+    spectrum = upper.get_lines()[0]
+    assert spectrum.get_label() == "SPA"
+    at = spectrum.get_xdata()[np.isfinite(spectrum.get_ydata())]
+    assert len(at)
+    assert np.all(np.abs(at[:, None] - tones).min(axis=1) < 0.1)
+
+
+def test_lines_of_a_repeating_input_are_drawn_as_points_and_nothing_between_them(tmp_path):
+    """Noise of the measured input has power of its own between them: gains there are those of leakage and noise."""
+    rng = np.random.default_rng(8)
+    period = rng.choice([-1.0, 1.0], 100)
+    u = np.tile(period, 30)
+    y = lfilter([0, 0.4], [1, -0.8], u) + 1e-3 * rng.standard_normal(3000)
+    u = u + 0.02 * rng.standard_normal(3000)
+    path = tmp_path / "repeats.csv"
+    np.savetxt(path, np.column_stack((DT * np.arange(3000), u, y)), delimiter=",", header="t,u,y", comments="")
+    found = identify_files([path], method="oe", orders=(1, 1, 1))
+    ((gain, _),) = model_charts(found.result)["bode"].chart.views.values()
+    drawn = next(series for series in gain.series if series.label == "spectral analysis")
+    assert not drawn.style.line
+    known = np.isfinite(drawn.y) & (drawn.x < 0.45 / DT)
+    # lines lie 0.2 Hz apart, each as wide as the transform of the window of 300 lags
+    off_lines = np.abs(drawn.x[known] / 0.2 - np.rint(drawn.x[known] / 0.2)) * 0.2
+    assert known.sum() > 20 and off_lines.max() < 1.0 / (300 * DT)
+    true = 20.0 * np.log10(np.abs(0.4 / (1.0 - 0.8 * np.exp(-2j * np.pi * drawn.x[known] * DT))))
+    error = np.abs(drawn.y[known] - true)
+    # lines of a short random sequence differ in power: weak ones show some of their neighbours
+    assert np.median(error) < 0.5 and error.max() < 5.0
 
 
 def test_a_badge_has_the_limit_of_its_verdict():

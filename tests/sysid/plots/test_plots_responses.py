@@ -1,6 +1,7 @@
 import io
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -265,3 +266,27 @@ def test_bode_draws_intervals_with_distortion_and_order():
         assert any(len(values) == len(F) and np.allclose(values, decibels) for values in drawn)
     assert "95 % with distortion and order" in labels(figure)
     assert_renders(figure)
+
+
+def test_an_interval_that_leads_far_away_does_not_flatten_the_curves():
+    rng = np.random.default_rng(0)
+    u = rng.choice([-1.0, 1.0], (1500, 1))
+    data = IOData(u, sysid.simulate(MODEL, u) + 0.01 * rng.standard_normal((1500, 1)), 0.02)
+    estimate = sysid.oe(data, 1, 1, 1)
+    error = sysid.model_error(estimate, data, F)
+    low, high = (end.copy() for end in error.interval)
+    low[-5:], high[-5:] = 1e-9, 1e9
+    narrow, wide = (bode(estimate, error=e).axes[0].get_ylim() for e in (error, replace(error, interval=(low, high))))
+    assert wide[1] - wide[0] < narrow[1] - narrow[0] + 2 * 10.0 + 1e-9
+    assert wide[0] < narrow[0] and wide[1] > narrow[1]
+
+
+def test_a_value_between_unknown_ones_is_drawn_as_a_point():
+    values = np.array([1.0, np.nan, 0.5, np.nan, 0.3, 0.2, np.nan])
+    response = FrequencyResponse(np.arange(1.0, 8.0), values[:, None, None] + 0j, 0.02, "spa")
+    upper, _ = bode(response).axes
+    points = [line for line in upper.get_lines() if line.get_linestyle() == "None"]
+    np.testing.assert_array_equal(points[0].get_xdata(), [1.0, 3.0])
+    np.testing.assert_allclose(points[0].get_ydata(), 20 * np.log10([1.0, 0.5]))
+    # nothing is unknown here
+    assert all(line.get_linestyle() != "None" for line in bode(MODEL).axes[0].get_lines())
