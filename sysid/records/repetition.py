@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from sysid.records.arrays import FloatArray
 from sysid.records.data import IOData
@@ -77,6 +78,25 @@ def repetitions(experiments: Sequence[IOData]) -> tuple[Repetition, ...]:
             patterns.append(pattern)
     alone = [k for k in range(len(experiments)) if not any(k == of for g in groups for of, _ in g.starts)]
     return (*groups, *_equal_records(experiments, alone))
+
+
+def phase_labels(experiments: Sequence[IOData]) -> tuple[NDArray[np.int_], ...]:
+    """Label of every sample of each experiment (N_i,): equal ones where the inputs play the same part of a sequence.
+
+    A signal less its means over each label is what does not repeat with the inputs. Samples of experiments that repeat
+    nothing all have the label 0.
+    """
+    labels = [np.zeros(len(experiment), dtype=int) for experiment in experiments]
+    first_label = 1
+    for group in repetitions(experiments):
+        # the first whole period of an experiment tells the phase of all its samples
+        first_rows: dict[int, int] = {}
+        for k, row in group.starts:
+            first_rows.setdefault(k, row)
+        for k, row in first_rows.items():
+            labels[k] = first_label + (np.arange(len(experiments[k])) - row) % group.period
+        first_label += group.period
+    return tuple(labels)
 
 
 def _standardised(u: FloatArray) -> FloatArray:

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import LeastSquares, solve, solve_blocks
@@ -14,8 +15,11 @@ from sysid.records.arguments import confidence_level, truth_value, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError
+from sysid.records.repetition import phase_labels
 from sysid.records.trends import ROUNDING
 
+ALIKE = 1e-3  # p-value of "no direct path" below which what a controller feeds back at once may look like one
+EXACT = 1e-9  # size of what does not repeat of a signal, relative to all of it, that is rounding
 BLOCK = 2**16  # rows of a regression that are copied at a time
 
 
@@ -59,8 +63,9 @@ def feedback(
     It tests whether the inputs depend on past outputs [Ljung1999, sec. 13.4; Sims1972]. Each output is regressed on its
     own past and on past and future inputs; without feedback, the next innovation of the disturbance has no part in any
     input, and no future input gets a coefficient. An F test of these, exact for a normal disturbance that `lags` past
-    outputs make white. What a linear model leaves of a nonlinear system looks like feedback too where the input is
-    smooth. Means are removed first.
+    outputs make white. Means are removed first, and where the inputs repeat a sequence, all that repeats with it: the
+    answer of a nonlinear system to the sequence is no feedback, although a linear model leaves it. Where nothing
+    repeats, it looks like feedback if the input is smooth.
 
     Args:
         data: One experiment, or several.
@@ -79,8 +84,9 @@ def feedback(
     lowest = 0 if truth_value("direct", direct) else 1
     check_excitation(experiments, [0] * first.nu)
     # the last `lags` samples of a record have no future inputs, the first ones no past
-    usable = [e for e in experiments if len(e) > 2 * lags + e.window]
-    rows = sum(len(e) - max(lags, e.window) - lags for e in usable)
+    labels = phase_labels(experiments)
+    usable = [pair for pair in zip(experiments, labels, strict=True) if len(pair[0]) > 2 * lags + pair[0].window]
+    rows = sum(len(e) - max(lags, e.window) - lags for e, _ in usable)
     width = lags * (1 + 2 * first.nu) + first.nu
     # as many degrees of freedom as coefficients at least
     if rows < 2 * width:
@@ -89,19 +95,35 @@ def feedback(
             f"experiment(s) have {rows}; pass smaller lags"
         )
     p_values = np.empty((first.ny, first.nu))
-    test = _long_feedback_p if rows > BLOCK else _feedback_p
     for i, j in np.ndindex(p_values.shape):
-        p_values[i, j] = test(usable, i, j, lags, lowest)
+        p_values[i, j] = _p_beside_repetition(usable, i, j, lags, lowest)
     return FeedbackTest(p_values, level, first.output_names or (), first.input_names or ())
 
 
-def _feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest: int) -> float:
+Labelled = tuple[IOData, NDArray[np.int_]]
+"""An experiment with the phase label of each of its samples."""
+
+
+def _p_beside_repetition(experiments: Sequence[Labelled], i: int, j: int, lags: int, lowest: int) -> float:
+    """`_feedback_p` of what does not repeat with the inputs, where that tells feedback from a direct path."""
+    rows = sum(len(e) - max(lags, e.window) - lags for e, _ in experiments)
+    test = _long_feedback_p if rows > BLOCK else _feedback_p
+    p_value = test(experiments, i, j, lags, lowest)
+    repeats = any(labels.any() for _, labels in experiments)
+    if lowest > 0 or not repeats or p_value < ALIKE or not test(experiments, i, j, lags, 1) < ALIKE:
+        return p_value
+    # what a controller feeds back at once may be all that differs between the periods of the input, and looks like a
+    # direct path: then the sequence, of which a disturbance knows nothing, has to tell
+    return test([(e, np.zeros_like(labels)) for e, labels in experiments], i, j, lags, lowest)
+
+
+def _feedback_p(experiments: Sequence[Labelled], i: int, j: int, lags: int, lowest: int) -> float:
     """p-value of the future inputs j in a regression of output i on its past and on all inputs.
 
     `lowest` is the first lag of input j at which the output may depend on it: from there on it is no future one.
     """
-    future, past, target = [], [], []
-    for experiment in experiments:
+    future, past, target, phases = [], [], [], []
+    for experiment, labels in experiments:
         start = max(lags, experiment.window)
         future.append(lagged(experiment.u[:, j], range(-lags, lowest), start, lags))
         blocks = [lagged(experiment.y[:, i], output_lags(lags), start, lags)]
@@ -111,15 +133,20 @@ def _feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest
             blocks.append(lagged(u, range(first_lag, lags + 1), start, lags))
         past.append(np.hstack(blocks))
         target.append(experiment.y[start : len(experiment) - lags, i])
+        phases.append(labels[start : len(experiment) - lags])
     columns = np.hstack((np.vstack(future), np.vstack(past)))
-    return addition_p(columns, lags + lowest, np.concatenate(target))
+    return addition_p(columns, lags + lowest, np.concatenate(target), np.concatenate(phases))
 
 
-def _long_feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, lowest: int) -> float:
+def _long_feedback_p(experiments: Sequence[Labelled], i: int, j: int, lags: int, lowest: int) -> float:
     """`_feedback_p` of long records, in blocks of rows."""
-    nu = experiments[0].nu
-    spans = [(e, max(lags, e.window), len(e) - lags) for e in experiments]
-    rows = sum(end - start for _, start, end in spans)
+    nu = experiments[0][0].nu
+    spans = [(e, labels, max(lags, e.window), len(e) - lags) for e, labels in experiments]
+    rows = sum(end - start for _, _, start, end in spans)
+    # numbered without gaps: labels of samples outside the spans have no mean
+    phases, numbers = np.unique(np.concatenate([k[start:end] for _, k, start, end in spans]), return_inverse=True)
+    per_span = np.split(numbers, np.cumsum([end - start for _, _, start, end in spans])[:-1])
+    members = np.bincount(numbers)
     # each regressor by its input, or None for the output, and its lag
     signals: list[tuple[int | None, int]] = [(j, lag) for lag in range(-lags, lowest)]
     signals += [(None, lag) for lag in range(1, lags + 1)]
@@ -132,20 +159,25 @@ def _long_feedback_p(experiments: Sequence[IOData], i: int, j: int, lags: int, l
 
     # the target is the output at lag zero
     signals.append((None, 0))
-    means = []
-    for source, lag in signals:
-        means.append(sum(float(column(e, source, lag, start, end).sum()) for e, start, end in spans) / rows)
+    means, repeats = np.empty((len(phases), len(signals))), np.empty(len(signals), dtype=bool)
+    for n, (source, lag) in enumerate(signals):
+        values = np.concatenate([column(e, source, lag, start, end) for e, _, start, end in spans])
+        means[:, n] = np.bincount(numbers, values) / members
+        repeats[n] = _is_rounding(values - means[numbers, n], values - values.mean())
 
     def blocks(first: int) -> Iterator[FloatArray]:
-        for e, start, end in spans:
+        for (e, _, start, end), of_span in zip(spans, per_span, strict=True):
             for begin in range(start, end, BLOCK):
                 last = min(begin + BLOCK, end)
-                yield np.column_stack([column(e, k, lag, begin, last) for k, lag in signals[first:]]) - means[first:]
+                values = np.column_stack([column(e, k, lag, begin, last) for k, lag in signals[first:]])
+                values -= means[of_span[begin - start : last - start], first:]
+                values[:, repeats[first:]] = 0.0
+                yield values
 
     added, count = lags + lowest, len(signals) - 1
     total = sum(float(np.sum(block[:, -1] ** 2)) for block in blocks(count))
     full, nested = solve_blocks(partial(blocks, 0), count), solve_blocks(partial(blocks, added), count - added)
-    return _p_of_addition(full, nested, total, rows)
+    return _p_of_addition(full, nested, total, rows, len(phases))
 
 
 def feedback_p(experiments: Sequence[IOData], lags: int = 20, *, direct: bool = True) -> FloatArray:
@@ -161,23 +193,55 @@ def interchanged(experiments: Sequence[IOData]) -> tuple[IOData, ...]:
     return tuple(IOData(e.y, e.u, e.dt, window=e.window) for e in experiments)
 
 
-def addition_p(columns: FloatArray, added: int, target: FloatArray) -> float:
+def addition_p(columns: FloatArray, added: int, target: FloatArray, labels: NDArray[np.int_] | None = None) -> float:
     """p-value of the F test that the first `added` columns explain nothing that the others and a constant do not.
 
     NaN if they cannot. The means of the columns (rows, p) are subtracted in place.
+
+    Args:
+        columns: Regressors (rows, p).
+        added: Number of those that are tested, the first ones.
+        target: What they explain (rows,).
+        labels: Rows of equal label (rows,) have a constant of their own; one for all without labels.
     """
-    y = (target - target.mean())[:, None]
-    columns -= columns.mean(axis=0)
+    constants = 1
+    if labels is None:
+        y = (target - target.mean())[:, None]
+        columns -= columns.mean(axis=0)
+    else:
+        y, constants = _less_label_means(target[:, None].copy(), labels)
+        columns, _ = _less_label_means(columns, labels)
     total = float(y[:, 0] @ y[:, 0])
     full = _solution(columns, y)
     nested = _solution(columns[:, added:], y) if columns.shape[1] > added else None
-    return _p_of_addition(full, nested, total, len(y))
+    return _p_of_addition(full, nested, total, len(y), constants)
 
 
-def _p_of_addition(full: LeastSquares, nested: LeastSquares | None, total: float, rows: int) -> float:
+def _less_label_means(columns: FloatArray, labels: NDArray[np.int_]) -> tuple[FloatArray, int]:
+    """Subtract from columns (rows, p), in place, their means over each label, and count the labels.
+
+    What repeats in a column exactly becomes zero: the rounding that is left of it would explain whatever it is asked
+    to.
+    """
+    present, numbers = np.unique(labels, return_inverse=True)
+    members = np.bincount(numbers)
+    for column in columns.T:
+        about_mean = column - column.mean()
+        column -= (np.bincount(numbers, column) / members)[numbers]
+        if _is_rounding(column, about_mean):
+            column[:] = 0.0
+    return columns, len(present)
+
+
+def _is_rounding(left: FloatArray, whole: FloatArray) -> bool:
+    """Whether what is left of a signal without its repeating part is rounding."""
+    return float(np.linalg.norm(left)) <= EXACT * float(np.linalg.norm(whole))
+
+
+def _p_of_addition(full: LeastSquares, nested: LeastSquares | None, total: float, rows: int, constants: int) -> float:
     """p-value of `addition_p` from the solutions with all columns and with the others alone, if there are any."""
-    # the constant takes a degree of freedom too
-    freedom = rows - full.rank - 1
+    # the constants take degrees of freedom too
+    freedom = rows - full.rank - constants
     without, count = total, full.rank
     if nested is not None:
         # rounding can make it larger than with no columns at all

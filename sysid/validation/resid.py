@@ -18,6 +18,7 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning
+from sysid.records.repetition import phase_labels
 from sysid.records.trends import ROUNDING
 from sysid.validation.compare import OWN_DATA, is_training
 from sysid.validation.feedback import addition_p
@@ -60,7 +61,13 @@ def whiteness_p(correlations: FloatArray, counts: NDArray[np.int_]) -> FloatArra
 
 
 def independence_p(
-    e: Sequence[FloatArray], u: Sequence[FloatArray], lags: int, *, first: int = 0, future: bool = False
+    e: Sequence[FloatArray],
+    u: Sequence[FloatArray],
+    lags: int,
+    *,
+    first: int = 0,
+    future: bool = False,
+    labels: Sequence[NDArray[np.int_]] | None = None,
 ) -> float:
     """p-value of "e does not depend on u(t - first), ..., u(t - lags)", or with `future` on later inputs beside those.
 
@@ -73,6 +80,7 @@ def independence_p(
         lags: Largest lag, on both sides; less than half of the shortest experiment.
         first: First lag at which a model may depend on the input.
         future: Whether to test for feedback.
+        labels: Phase labels of the samples per experiment (N_i,): what repeats with them is left out.
     """
     samples = sum(len(errors) for errors in e)
     order = max(1, min(lags, samples // 20, min(len(errors) for errors in e) // 8))
@@ -80,8 +88,9 @@ def independence_p(
     # the first samples of a filtered signal are those of a filter from rest
     start = order + lags
     ahead = lags if future else 0
-    usable = [pair for pair in zip(e, u, strict=True) if len(pair[0]) > start + ahead]
-    rows = sum(len(errors) - start - ahead for errors, _ in usable)
+    phases = labels or [np.zeros(len(errors), dtype=int) for errors in e]
+    usable = [one for one in zip(e, u, phases, strict=True) if len(one[0]) > start + ahead]
+    rows = sum(len(errors) - start - ahead for errors, _, _ in usable)
     # at least half of the samples must remain as degrees of freedom
     rows_per_lag = 4 if future else 2
     reach = min(lags, rows // rows_per_lag - 1)
@@ -90,15 +99,16 @@ def independence_p(
     # lags below `first` come first among the columns: those are the tested ones of the future
     lowest = -reach if future else first
     tested = reach + first if future else reach + 1 - first
-    regressors, target = [], []
-    for errors, inputs in usable:
+    regressors, target, rows_labels = [], [], []
+    for errors, inputs, of_samples in usable:
         filtered = scipy.signal.lfilter(whitener, [1.0], inputs)
         white = scipy.signal.lfilter(whitener, [1.0], errors)
         regressors.append(lagged(filtered, range(lowest, reach + 1), start, ahead))
         target.append(white[start : len(white) - ahead])
+        rows_labels.append(of_samples[start : len(white) - ahead])
     # no copy of the regressors of a single experiment
     columns = np.vstack(regressors) if len(regressors) > 1 else regressors[0]
-    return addition_p(columns, tested, np.concatenate(target))
+    return addition_p(columns, tested, np.concatenate(target), np.concatenate(rows_labels) if labels else None)
 
 
 BoolArray = NDArray[np.bool_]
@@ -256,7 +266,8 @@ def resid(estimate: AnyModel, data: IOData | Sequence[IOData], *, lags: int = 25
     whiteness_bound = z / np.sqrt(float(counts[0].min()))
     inputs, outputs = channels_in(model, first)
     first_lags = (model.D[np.ix_(outputs, inputs)] == 0.0).astype(int)
-    bound, p_cross, p_feedback = _pair_tests(signals, first_lags, lags, shortest, z)
+    labels = [of_samples[e.window :] for e, of_samples in zip(experiments, phase_labels(experiments), strict=True)]
+    bound, p_cross, p_feedback = _pair_tests(signals, first_lags, lags, shortest, z, labels)
     outside = np.abs(cross[lags:]) > bound
     # a model without direct term claims nothing of lag 0
     outside[0] &= first_lags == 0
@@ -338,7 +349,12 @@ def _known_products(experiments: Sequence[IOData], lags: int) -> NDArray[np.int_
 
 
 def _pair_tests(
-    signals: _Signals, first_lags: NDArray[np.int_], lags: int, shortest: int, z: float
+    signals: _Signals,
+    first_lags: NDArray[np.int_],
+    lags: int,
+    shortest: int,
+    z: float,
+    labels: Sequence[NDArray[np.int_]],
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Bounds of the cross-correlations at z deviations, p-values of independence and of feedback, each (ny, nu)."""
     ny, nu = first_lags.shape
@@ -357,7 +373,7 @@ def _pair_tests(
             bound[i, j] = z * np.sqrt(max(variance, 1.0 / n) / n)
             u, first = [column[:, 0] for column in columns], int(first_lags[i, j])
             p_cross[i, j] = independence_p(e, u, int(lags), first=first)
-            p_feedback[i, j] = independence_p(e, u, int(lags), first=first, future=True)
+            p_feedback[i, j] = independence_p(e, u, int(lags), first=first, future=True, labels=labels)
     return bound, p_cross, p_feedback
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sysid import IOData, armax, delayest, feedback, resid
+from sysid import IOData, armax, delayest, feedback, oe, resid
 from sysid.validation.feedback import addition_p, interchanged
 from tests.refusals import refused
 
@@ -71,3 +71,54 @@ def test_residuals_with_gaps_keep_the_size_of_the_tests():
 
 
 MODEL = armax(loop(1000, 0.0, 50_000), 1, 1, 1).model
+
+
+def distorted(seed, wire):
+    """Play a binary sequence over and over into a system with a cubic nonlinearity, with noise in the measured input."""
+    rng = np.random.default_rng(seed)
+    u = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 12) + wire * rng.standard_normal(1200)
+    x = lfilter([0, 0.1], [1, -0.9], u)
+    return IOData(u, x + 0.3 * x**3 + lfilter([1], [1, -0.8], 0.02 * rng.standard_normal(1200)), 0.02)
+
+
+def fed_back(seed):
+    """The same sequence as the reference of a proportional controller, which feeds the disturbance back at once."""
+    rng = np.random.default_rng(seed)
+    reference = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 12)
+    disturbance = lfilter([1], [1, -0.8], 0.1 * rng.standard_normal(1200))
+    u, y, x = np.zeros(1200), np.zeros(1200), 0.0
+    for t in range(1200):
+        y[t] = x + disturbance[t]
+        u[t] = reference[t] - y[t]
+        x = 0.9 * x + 0.1 * u[t]
+    return IOData(u, y, 0.02)
+
+
+def test_the_answer_of_a_nonlinear_system_to_a_repeating_input_is_no_feedback():
+    seen, left = [], []
+    for seed in range(60):
+        data = distorted(seed, 0.05)
+        seen.append(feedback(data).p_values.item() < 0.01)
+        left.append(resid(oe(data, 1, 1, 1), data).feedback.item())
+    # at 1 %, three standard deviations above
+    assert np.mean(seen) < 0.05 and np.mean(left) < 0.05
+    # an input that repeats exactly cannot follow a disturbance, so that nothing is tested
+    exact = distorted(0, 0.0)
+    assert np.isnan(feedback(exact).p_values).all()
+    assert np.isnan(resid(oe(exact, 1, 1, 1), exact).feedback_p).all()
+
+
+def test_feedback_shows_although_the_reference_of_the_loop_repeats():
+    seen, left = [], []
+    for seed in range(40):
+        data = fed_back(seed)
+        seen.append(feedback(data).feedback.item())
+        left.append(resid(oe(data, 1, 1, 1), data).feedback.item())
+    assert np.mean(seen) > 0.75 and np.mean(left) > 0.95
+
+
+def test_long_records_that_repeat_are_tested_as_short_ones(monkeypatch):
+    data = distorted(3, 0.05)
+    short = feedback(data).p_values.item()
+    monkeypatch.setattr("sysid.validation.feedback.BLOCK", 200)
+    assert feedback(data).p_values.item() == pytest.approx(short, rel=1e-6)
