@@ -74,7 +74,7 @@ MODEL = armax(loop(1000, 0.0, 50_000), 1, 1, 1).model
 
 
 def distorted(seed, wire):
-    """Play a binary sequence over and over into a system with a cubic nonlinearity, with noise in the measured input."""
+    """A binary sequence, played over and over into a cubic nonlinearity behind a lag, its input measured with noise."""
     rng = np.random.default_rng(seed)
     u = np.tile(np.repeat(rng.choice([-1.0, 1.0], 50), 2), 12) + wire * rng.standard_normal(1200)
     x = lfilter([0, 0.1], [1, -0.9], u)
@@ -120,5 +120,5 @@ def test_feedback_shows_although_the_reference_of_the_loop_repeats():
 def test_long_records_that_repeat_are_tested_as_short_ones(monkeypatch):
     data = distorted(3, 0.05)
     short = feedback(data).p_values.item()
-    monkeypatch.setattr("sysid.validation.feedback.BLOCK", 200)
+    monkeypatch.setattr(sys.modules["sysid.validation.feedback"], "BLOCK", 200)
     assert feedback(data).p_values.item() == pytest.approx(short, rel=1e-6)
