@@ -104,7 +104,7 @@ def control(
     from hmtb_twin import VARIANTS
     from scenarios.control.campaign import identify_pair
     from scenarios.control.design import METHODS, designer
-    from scenarios.control.result_tables import result_tables
+    from scenarios.control.result_tables import beyond_the_arm, fit_table, result_tables
     from scenarios.control.runs import run_scenarios
     from scenarios.control.study import changed_arms, results, stress
     from scenarios.experiments.waveform import check_seed, seed_range
@@ -140,12 +140,15 @@ def control(
                 redesigned = [name for name in method if name in METHODS]
                 stressed = stress(free, pair, laws, redesigned, reference=arm, threads=threads, progress=bar)
         records = {"runs": [result.record() for result in scored], "stress": [result.record() for result in stressed]}
-        content = {"reference": reference, "methods": list(laws), **records}
+        warnings = [*pair.warnings(), *beyond_the_arm(scored)]
+        fits = {name: fit.tolist() for name, fit in pair.fits.items()}
+        content = {"reference": reference, "methods": list(laws), "fits": fits, "warnings": warnings, **records}
         files = _write(folder, pair, laws, scored, stressed, content) if folder else []
     if json:
         print_json({**content, "files": files})
     else:
-        print_tables(result_tables(scored, stressed))
+        print_tables([fit_table(pair), *result_tables(scored, stressed)])
+        say_each("warning: ", warnings)
         say_each("failed: ", _failures([*scored, *stressed]))
         say_each("written: ", files)
         if out is not None:

@@ -1,8 +1,8 @@
 """Identification of the ground arm and of its reference: one record of six joints at once, and a model from it."""
 
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,9 @@ FREQUENCY_TEST = replace(EXCITATION, rms=0.01, periods=2)
 ORDERS = {"nominal": 18, "flight": 12}
 """Order of the model of an arm; of other variants as of the nominal one."""
 
+POOR = 80.0
+"""Fit of a joint below which a model is no base of a design, percent: servos at ordinary loads reach 95 to 99."""
+
 CHANNELS = [JOINTS.index(name) for name in CONTROLLED]
 """Columns of the controlled joints in a log."""
 
@@ -41,11 +44,27 @@ class IdentifiedPair:
         ground: Model of the arm to be controlled, in innovations form.
         reference: Model whose answers are wanted.
         record: The record behind `ground`, angles in rad about their means.
+        fits: Of each model that was identified, `ground` and `reference`, how much of every joint its simulation
+            explains in its own record (6,), percent.
     """
 
     ground: StateSpace
     reference: StateSpace
     record: IOData
+    fits: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+    def warnings(self) -> list[str]:
+        """Return a line for each identified model that leaves too much of a joint for a design to rest on it."""
+        lines = []
+        for name, fit in self.fits.items():
+            poor = [f"{joint} to {value:.0f} %" for joint, value in zip(CONTROLLED, fit, strict=True) if value < POOR]
+            if poor:
+                lines.append(
+                    f"the model of the {name} arm explains its own record poorly, {', '.join(poor)}: the arm is not "
+                    "linear there, as drives at their limits are not; do not rely on a design from this model, but "
+                    "take a lighter payload, or a model file as the reference"
+                )
+        return lines
 
 
 def identification_experiment(variant: str = "nominal", seed: int = 0) -> MultisineExperiment:
@@ -108,12 +127,25 @@ def identify_pair(
         raise ScenarioError(f"{name}: {reason}")
     records += [log.iodata(CONTROLLED) for log in result]
     records = [one_record.detrend(0) for one_record in records]
+    fits = {}
     if reference_model is None:
         model = _identified(records[-1], str(reference))
+        fits["reference"] = _fit(model, records[-1])
         # Position servos come to rest where they are commanded; dry friction hides a few thousandths of that gain in a
         # record, 1 mrad on moves of 0.5 rad.
         reference_model = replace(model, B=model.B @ np.linalg.inv(model.dc_gain()))
-    return IdentifiedPair(_identified(records[0], ground.variant), reference_model, records[0])
+    ground_model = _identified(records[0], ground.variant)
+    fits["ground"] = _fit(ground_model, records[0])
+    return IdentifiedPair(ground_model, reference_model, records[0], fits)
+
+
+def _fit(model: StateSpace, record: IOData) -> np.ndarray:
+    """How much of each output a simulation explains (6,), percent."""
+    with warnings.catch_warnings():
+        # On the data of the fit: what is wanted is whether the arm is linear at all.
+        warnings.simplefilter("ignore", SysidWarning)
+        (fit,) = sysid.compare(model, record)
+    return np.asarray(fit.simulation)
 
 
 def _record_without_gaps(path: Path) -> IOData:

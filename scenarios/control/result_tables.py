@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarios.control.campaign import CONTROLLED
+from scenarios.control.campaign import CONTROLLED, IdentifiedPair
 from scenarios.control.score import Score
 from scenarios.control.study import ControlResult
 from scenarios.files.result_table import ResultTable
@@ -37,6 +37,28 @@ def result_tables(scored: Sequence[ControlResult], stressed: Sequence[ControlRes
         rows = [[result.condition, *_error_cells(result)] for result in stressed]
         tables.append(ResultTable(title, ["condition", *columns[1:]], rows))
     return tables
+
+
+def fit_table(pair: IdentifiedPair) -> ResultTable:
+    """How much of each joint the identified models explain in their own records."""
+    rows = []
+    for name, fit in pair.fits.items():
+        rows.append([name, *(f"{value:.3g}" for value in fit)])
+    joints = [joint.replace("_", " ") for joint in CONTROLLED]
+    return ResultTable("Fit of the identified models to their own records / %", ["model", *joints], rows)
+
+
+def beyond_the_arm(scored: Sequence[ControlResult]) -> list[str]:
+    """Return a line for each run that is further from the simulated reference arm with control than without."""
+    lines = []
+    for result in scored:
+        if result.controlled is not None and result.factor_arm < 1.0:
+            scenario = result.runs.scenario
+            lines.append(
+                f"{scenario.name}, seed {scenario.seed}: with {result.method} the arm is further from the simulated "
+                "reference arm than without control, although nearer to its model"
+            )
+    return lines
 
 
 def _error_cells(result: ControlResult) -> list[str]:

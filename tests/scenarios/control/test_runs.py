@@ -8,7 +8,7 @@ import pytest
 import scenarios
 from hmtb_twin import JOINTS, Plant
 from scenarios.control.campaign import CONTROLLED, IdentifiedPair, frequency_test
-from scenarios.control.result_tables import result_tables
+from scenarios.control.result_tables import beyond_the_arm, fit_table, result_tables
 from scenarios.control.runs import DeviationController, run_scenarios
 from scenarios.control.score import is_stable, request_of, score
 from scenarios.control.study import results
@@ -70,6 +70,20 @@ def test_factors_stand_against_the_model_and_against_the_simulated_arm(runs):
     (alone,) = results(pair, replace(runs, logs=logs), {"wild": ("adaptive", "")})
     assert np.isnan(alone.factor_arm)
     assert f"{alone.factor:.2g}" in result_tables([alone], [])[0].rows[0]
+
+
+def test_poor_models_and_answers_worse_than_none_are_said(runs):
+    fits = {"ground": np.full(6, 95.0), "reference": np.array([95.0, 95.0, 88.0, 50.4, 48.9, 96.0])}
+    pair = IdentifiedPair(model(), model(), None, fits)
+    (line,) = pair.warnings()
+    assert "model of the reference arm" in line and "wrist_pitch to 50 %, wrist_yaw to 49 %" in line
+    assert not IdentifiedPair(model(), model(), None, {"ground": np.full(6, 95.0)}).warnings()
+    table = fit_table(pair)
+    assert table.rows[1] == ["reference", "95", "95", "88", "50.4", "48.9", "96"]
+    through, wild = results(pair, runs, {"through": ("following", ""), "wild": ("adaptive", "")})
+    assert wild.factor_arm < 1.0 < 1.001 > through.factor_arm
+    (worse,) = beyond_the_arm([wild])
+    assert "with adaptive the arm is further from the simulated reference arm" in worse
 
 
 def test_scores_of_a_run(runs):
