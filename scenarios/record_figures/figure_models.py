@@ -1,8 +1,9 @@
 """Models of a record for its figures: with given or chosen orders, block by block where a method takes one output."""
 
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from scenarios.identification.order_choice import CHOSEN, choose_and_identify
 from scenarios.record_figures.measured_record import MeasuredRecord
 from sysid import Estimate, IOData, ResidualTest, StateSpace, SysidError, SysidWarning
 from sysid.models import block_diagonal
+from sysid.models.bandwidth import BandwidthClaim
+from sysid.models.model_forms import as_model
+from sysid.models.predict import channels_in
 from sysid.plots import Style
 from sysid.validation.model_error import ModelError
 
@@ -41,6 +45,8 @@ class FigureModel:
         parts: The records of its estimation about its operating point; none of a model that is known beforehand.
         remarks: Doubts about it.
         error: Gains with intervals for the best linear system; None of blocks, and where not measured.
+        claims: Bandwidth of each path, withheld where the record of the fit does not support it, by output and input;
+            empty of a model that is known beforehand.
     """
 
     label: str
@@ -51,6 +57,7 @@ class FigureModel:
     parts: tuple[IOData, ...] = ()
     remarks: tuple[str, ...] = ()
     error: ModelError | None = None
+    claims: Mapping[tuple[int, int], BandwidthClaim] = field(default_factory=dict)
 
     @property
     def is_observer(self) -> bool:
@@ -160,8 +167,21 @@ def on_record(model: FigureModel, measured: MeasuredRecord) -> ModelOnRecord:
         first.output_names,
     ):
         judged = replace(judged, error=model.error)
+    if model.claims:
+        judged = _with_claims(judged, model, first)
     checked = [part.subtract(y=trend) for part, trend in zip(measured.parts, judged.trends, strict=True)]
     return ModelOnRecord(model, judged, tuple(checked))
+
+
+def _with_claims(judged: JudgedModel, model: FigureModel, record: IOData) -> JudgedModel:
+    """A model without the bandwidths that the record of its fit does not support."""
+    inputs, outputs = channels_in(as_model(model.item), record)
+    hz, ci95 = judged.bandwidth_hz.copy(), judged.ci95.copy()
+    for (i, output), (j, input) in product(enumerate(outputs), enumerate(inputs)):
+        # blocks have no claim about paths between them, which they do not have
+        if claim := model.claims.get((output, input)):
+            hz[i, j], ci95[i, j] = claim.hz, (claim.low, claim.high)
+    return replace(judged, bandwidth_hz=hz, ci95=ci95)
 
 
 def _estimated(name: ModelName, measured: MeasuredRecord, style: Style) -> FigureModel:
@@ -171,16 +191,23 @@ def _estimated(name: ModelName, measured: MeasuredRecord, style: Style) -> Figur
         fitted = _fitted(name, measured.parts, keep_mean=measured.keep_mean)
         label = f"{title} {_orders_in_words(fitted)}"
         error = gains_with_error(fitted)
+        claims = {(i, j): claim for i, row in enumerate(fitted.claims) for j, claim in enumerate(row)}
         return FigureModel(
-            label, name.kind, fitted.estimate, style, _orders_in_words(fitted), fitted.parts, error=error
+            *(label, name.kind, fitted.estimate, style, _orders_in_words(fitted), fitted.parts),
+            remarks=_doubts(claims),
+            error=error,
+            claims=claims,
         )
-    blocks, orders = [], []
+    blocks, orders, claims = [], [], {}
     # As many inputs as outputs are taken for joints, each with its own command [Morris1996, eq. 4.14].
     is_by_joint = first.nu == first.ny
     for i in range(first.ny):
         inputs = [i] if is_by_joint else None
         parts = [part.select(inputs=inputs, outputs=[i]) for part in measured.parts]
         fitted = _fitted(name, parts, keep_mean=measured.keep_mean)
+        (of_output,) = fitted.claims
+        # a block has the command of its own joint alone
+        claims.update({(i, i if is_by_joint else j): claim for j, claim in enumerate(of_output)})
         blocks.append(fitted.estimate.model)
         orders.append(_orders_in_words(fitted))
     model = block_diagonal(blocks)
@@ -191,7 +218,12 @@ def _estimated(name: ModelName, measured: MeasuredRecord, style: Style) -> Figur
     # The names of the record: blocks that share an input have renumbered theirs.
     model = replace(model, input_names=first.input_names, output_names=first.output_names)
     label = f"{title}, block-diagonal" if is_by_joint else f"{title}, each output alone"
-    return FigureModel(label, name.kind, model, style, "; ".join(orders))
+    return FigureModel(label, name.kind, model, style, "; ".join(orders), remarks=_doubts(claims), claims=claims)
+
+
+def _doubts(claims: Mapping[tuple[int, int], BandwidthClaim]) -> tuple[str, ...]:
+    """Reasons against the bandwidths of a model, each once."""
+    return tuple(dict.fromkeys(warning for claim in claims.values() for warning in claim.warnings))
 
 
 def _fitted(name: ModelName, parts: Sequence[IOData], *, keep_mean: bool) -> FittedModel:
