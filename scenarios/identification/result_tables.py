@@ -1,7 +1,7 @@
 """Tables of an identified model, as `hmtb identify` and the station's page show them."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from math import isfinite, isnan
+from math import ceil, isfinite, isnan, log10
 from typing import Any
 
 import numpy as np
@@ -20,8 +20,9 @@ from scenarios.identification.identification import (
 )
 from scenarios.identification.run_agreement import RunAgreement
 from sysid import Bandwidth, Estimate, IOData, ResidualTest, StructureChoice
-from sysid.models.bandwidth import BandwidthClaim
+from sysid.models.bandwidth import HALF_POWER, BandwidthClaim
 from sysid.models.continuous_estimate import ContinuousEstimate, damp
+from sysid.models.estimate import repetition_in_words
 from sysid.models.frequency_response import NORMAL_95
 from sysid.polynomial.arx import NOT_DECAYED
 from sysid.polynomial.data_checks import POORLY_EXCITED
@@ -176,6 +177,8 @@ def _candidate_table(choice: StructureChoice) -> ResultTable:
         cells = (f"{candidate.parameters}", f"{candidate.loss:.4g}", f"{above_best:.1f}", candidate.remark)
         rows.append((str(candidate), *cells))
     title = f"Candidates, the best {len(rows)} of {len(choice.candidates)}"
+    if any(candidate.bic < best.bic for candidate in choice.candidates[:BEST]):
+        title += "; not the least BIC was chosen, for the reason that stands under choice"
     return ResultTable(title, ("", "parameters", "loss", "BIC relative to the chosen", ""), tuple(rows))
 
 
@@ -492,6 +495,7 @@ def model_rows(result: Identification) -> list[tuple[str, str]]:
         ("orders", ", ".join(f"{name} {value}" for name, value in fitted.orders.items())),
         *_weighting_rows(fitted),
         ("record", f"{sum(map(len, fitted.parts))} samples every {first.dt:g} s"),
+        *(("repetition", words) for words in repetition_in_words(fitted.estimate.diagnostics)),
         *_operating_point_rows(fitted, unit),
         *_fit_rows(result, first.output_names or ()),
         *_baseline_rows(result.baseline),
@@ -588,16 +592,24 @@ def _rows_of_path(
         if isfinite(claim.hz):
             with_error = ends_in_words(error.bandwidth(), output, input)
             words += f" from the parameters, {with_error} with distortion and order"
-        from_line = _bandwidth_from_line(error, output, input, path)
+        from_line = _bandwidth_from_line(error, fitted, output, input, path)
     elif error is not None and isnan(error.p_values[output]) and isfinite(claim.low):
         words += " from noise alone"
     gain = _gain_in_words(fitted.gain[output, input])
     return [(f"bandwidth (-3 dB){path}", words), *from_line, (f"gain at 0 Hz{path}", gain)]
 
 
-def _bandwidth_from_line(error: ModelError, output: int, input: int, path: str) -> list[tuple[str, str]]:
-    """The bandwidth below the gain at the lowest strong line, for which no gain at 0 Hz is extrapolated."""
+def _bandwidth_from_line(
+    error: ModelError, fitted: FittedModel, output: int, input: int, path: str
+) -> list[tuple[str, str]]:
+    """The bandwidth below the gain at the lowest strong line, for which no gain at 0 Hz is extrapolated.
+
+    None where the model has fallen by that much on the way to the line: what is reached from there is no bandwidth.
+    """
     line = error.strong_line
+    at_line = float(error.gain[np.argmin(np.abs(error.frequencies - line)), output, input])
+    if at_line < HALF_POWER * abs(float(fitted.gain[output, input])):
+        return []
     band = error.bandwidth(line)
     hz = float(band.hz[output, input])
     if not isfinite(hz):
@@ -659,7 +671,12 @@ def _gains_with_errors(error: ModelError, fitted: FittedModel, output: int) -> l
 def _interval_in_words(interval: tuple[FloatArray, FloatArray], at: tuple[int, int, int]) -> str:
     """Ends of the interval of a gain."""
     low, high = (float(end[at]) for end in interval)
-    return f"{low:.3g} to {high:.3g}" if isfinite(low) else "unknown"
+    if not isfinite(low):
+        return "unknown"
+    # two digits of the width, and three of the ends at least: rounding must not make an interval empty
+    largest, width = max(abs(low), abs(high)), high - low
+    digits = 3 if not 0.0 < width < largest else max(3, 2 + ceil(log10(largest / width)))
+    return f"{low:.{digits}g} to {high:.{digits}g}"
 
 
 def _gain_in_words(gain: float) -> str:

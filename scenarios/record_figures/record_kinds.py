@@ -83,7 +83,9 @@ def _joint_panels(record: IOData, channels: Channels) -> tuple[Panel, ...]:
             ("commanded", scale * (record.u[:, i] - level), COMMAND),
             ("measured", scale * (record.y[:, i] - level), MEASURED),
         ]
-        panels += _whole_and_piece(record, signals, channels.output_axis(i, "angle"), joint, held="commanded")
+        panels += _whole_and_piece(
+            record, signals, channels.output_axis(i, "angle less the first command"), joint, held="commanded"
+        )
     return tuple(panels)
 
 

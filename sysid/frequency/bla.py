@@ -51,7 +51,9 @@ class BestLinearApproximation(Locked):
     def _parts(self) -> list[Part]:
         """Realisations and periods, nonlinear distortion and the mean response, for the printed text."""
         heading = f"{self.realisations} realisation(s) of {min(self.periods)} or more periods"
-        distortion = ""
+        distortion = (
+            "deviations are those of noise alone: distortion repeats with the input, and shows between sequences"
+        )
         if self.realisations > 1:
             distortion = f"nonlinear distortion / %: {', '.join(numbers(self.distortion_percent))}"
         return [heading, distortion, *self.response._parts()[1:]]

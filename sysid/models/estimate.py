@@ -127,25 +127,13 @@ class Estimate(Labelled, Locked):
             if np.isfinite(fits).all():
                 listed_fits = ", ".join(f"{fit:.2f} %" for fit in fits)
                 paragraphs.append(f"fit to these data one step ahead: {listed_fits}")
-            paragraphs += self._repetition()
+            paragraphs += repetition_in_words(self.diagnostics)
             if not self._shows_matrices:
                 variances = ", ".join(numbers(np.diag(self.noise_variance)))
                 paragraphs.append(f"innovation variance: {variances}")
         paragraphs.append(f"final prediction error: {self.fpe:.4g}, AIC {self.aic:.6g}, BIC {self.bic:.6g}")
         paragraphs += [f"warning: {message}" for message in self.diagnostics.get("warnings", ())]
         return paragraphs
-
-    def _repetition(self) -> list[str]:
-        """What repeats with the input, where it made the intervals wider."""
-        periods = self.diagnostics.get("periods")
-        if periods is None:
-            return []
-        sequences = counted(self.diagnostics["sequences"], "sequence")
-        share = 100.0 * self.diagnostics["repeated_share"]
-        return [
-            f"{periods} periods of {sequences}: {share:.0f} % of the errors' power repeats with the input, and the "
-            "intervals count it once"
-        ]
 
     def _parameter_paragraphs(self) -> list[Part]:
         """Paragraphs on the parameters: as matrices, as a table with deviations, or as polynomials if they are many."""
@@ -429,6 +417,19 @@ def _copied(value: Any) -> Any:
     if type(value) in (tuple, list):
         return tuple(_copied(item) for item in value)
     return value
+
+
+def repetition_in_words(diagnostics: Mapping[str, Any]) -> list[str]:
+    """What repeats with the input, where it made the intervals of an estimate wider; empty elsewhere."""
+    periods = diagnostics.get("periods")
+    if periods is None:
+        return []
+    sequences = counted(diagnostics["sequences"], "sequence")
+    share = 100.0 * diagnostics["repeated_share"]
+    return [
+        f"{periods} periods of {sequences}: {share:.0f} % of the errors' power repeats with the input, and the "
+        "intervals count it once"
+    ]
 
 
 def as_estimate(estimate: Estimate) -> Estimate:
