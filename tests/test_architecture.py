@@ -26,7 +26,7 @@ ROOMS = {
         *("records", "models", "polynomial", "validation", "subspace", "recursive", "frequency"),
         *("continuous", "exchange", "design", "selection", "control", "plots"),
     ),
-    "hmtb_twin": ("files", "parameters", "hydraulics", "arm", "control", "bus", "run", "truth"),
+    "hmtb_twin": ("files", "parameters", "arm_files", "hydraulics", "arm", "control", "bus", "run", "truth"),
     "scenarios": (
         *("files", "jobs", "experiments", "report", "truth", "identification", "model_report", "record_figures"),
         *("control", "datasets", "exchange"),

@@ -12,19 +12,20 @@ import numpy as np
 from hmtb_twin.arm.arm_model import compile_arm, servo_law, tuned_gains
 from hmtb_twin.arm.controller_model import ControllerModel, controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.errors import OverloadError, TwinError, shown
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
 from hmtb_twin.hydraulics.equilibrium import drooping, inertia, pin_stiffnesses, weight_function
 from hmtb_twin.hydraulics.valve_equilibrium import settled_arm
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.payloads import PAYLOADS, SEATS, WORKSITE_PAYLOADS
+from hmtb_twin.parameters.payloads import SEATS, WORKSITE_PAYLOADS
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
-from hmtb_twin.parameters.values import JOINTS, MOTIONS, POSES, Servo
-from hmtb_twin.parameters.variants import Variant, variant_named
+from hmtb_twin.parameters.values import Servo
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +38,8 @@ class Arm:
     Attributes:
         model: The compiled MuJoCo model.
         controller: The controller's own rigid-body model.
-        variant: One of `VARIANTS`.
-        payload: One of `PAYLOADS`; at the worksite, the initial payload of the end effector.
+        variant: Name of the arm, as of `load_arm`.
+        payload: Name of its payload; at the worksite, the initial payload of the end effector.
         plant: Supply, oil, friction and noise of its drives.
         specimen: Its deviations from its variant; its controller knows only the variant.
         worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
@@ -58,6 +59,16 @@ class Arm:
     drives: Mapping[str, Drive]
     servos: Mapping[str, Servo]
     gains: Mapping[str, ServoGains]
+
+    @property
+    def description(self) -> ArmDescription:
+        """The description that it was built from."""
+        return arm_named(self.variant)
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of its joints from the base outward."""
+        return self.description.joints
 
     @property
     def actuators(self) -> Mapping[str, Actuator]:
@@ -98,23 +109,23 @@ class Arm:
     @property
     def indexed(self) -> tuple[str, ...]:
         """Joints that a pin holds, which follow no command."""
-        return variant_named(self.variant).indexed
+        return self.description.indexed
 
     @property
     def delays(self) -> np.ndarray:
         """Delay of each measured angle on the bus, samples, shape (7,)."""
-        bus = variant_named(self.variant).bus
-        return np.array([bus[name].delay for name in JOINTS])
+        bus = self.description.bus
+        return np.array([bus[name].delay for name in self.joints])
 
     @property
     def velocity_limits(self) -> np.ndarray:
         """Velocity limit of each joint's command, rad/s, shape (7,)."""
-        return np.array([MOTIONS[name].velocity_limit for name in JOINTS])
+        return np.array([self.description.motions[name].velocity_limit for name in self.joints])
 
     @property
     def pressure_states(self) -> np.ndarray:
         """Index of each joint's load pressure, or motor current, in the activation vector, shape (7,)."""
-        valves = [self.model.actuator(name).id for name in JOINTS]
+        valves = [self.model.actuator(name).id for name in self.joints]
         return self.model.actuator_actadr[valves] + self.model.actuator_actnum[valves] - 1
 
     @property
@@ -122,7 +133,7 @@ class Arm:
         """Index of each servo valve's spool position in the activation vector, (7,); None without servo valves."""
         if self.plant.actuator != "orifice":
             return None
-        return 1 + eq.STATES * np.arange(len(JOINTS)) + eq.SPOOL
+        return 1 + eq.STATES * np.arange(len(self.joints)) + eq.SPOOL
 
     @property
     def supply_state(self) -> np.ndarray | None:
@@ -131,9 +142,10 @@ class Arm:
 
     def pose(self, name: str) -> np.ndarray:
         """Return the joint angles (7,), rad, of a keyframe; raises `TwinError` for an unknown one."""
-        if name not in POSES:
-            raise TwinError(f"unknown pose {name!r}, available: {', '.join(POSES)}")
-        return np.array(POSES[name])
+        poses = self.description.poses
+        if name not in poses:
+            raise TwinError(f"unknown pose {name!r}, available: {', '.join(poses)}")
+        return np.array(poses[name])
 
     def controls(self, command: np.ndarray, noise: np.ndarray | None = None) -> np.ndarray:
         """Return the control vectors that command poses and feed forward the torques that hold them.
@@ -145,7 +157,7 @@ class Arm:
         Returns:
             Controls (n, 14): angle and feedforward torque of each joint in turn.
         """
-        controls = np.empty((len(command), 2 * len(JOINTS)))
+        controls = np.empty((len(command), 2 * len(self.joints)))
         controls[:, 0::2] = command
         controls[:, 1::2] = self.controller.gravity_torque(command)
         if noise is not None:
@@ -155,7 +167,7 @@ class Arm:
     @property
     def process_noise(self) -> np.ndarray:
         """Standard deviation of the torque noise of each drive, (7,) N m."""
-        return self.plant.process_noise * np.array([self.drives[name].rated_torque for name in JOINTS])
+        return self.plant.process_noise * np.array([self.drives[name].rated_torque for name in self.joints])
 
     def rest(self, angles: np.ndarray) -> mujoco.MjData:
         """Return the state of the arm at rest under a commanded pose, its oil already carrying the load.
@@ -180,13 +192,14 @@ class Arm:
         if not self.specimen.as_designed:
             # A specimen of another weight rests elsewhere than commanded.
             self._check_load(angles)
-        data.qpos[: len(JOINTS)] = angles
+        n = len(self.joints)
+        data.qpos[:n] = angles
         if self.worksite:
-            held = PAYLOADS[self.payload] is not None
+            held = self.description.payloads[self.payload] is not None
             data.eq_active[self.model.equality(LATCH_WELD).id] = held
             position, rotation = self.controller.tool_pose(angles) if held else SEATS["holster"].seated
-            data.qpos[len(JOINTS) : len(JOINTS) + 3] = position
-            mujoco.mju_mat2Quat(data.qpos[len(JOINTS) + 3 :], rotation.ravel())
+            data.qpos[n : n + 3] = position
+            mujoco.mju_mat2Quat(data.qpos[n + 3 :], rotation.ravel())
         install_equations()
         mujoco.mj_forward(self.model, data)
         return data
@@ -197,7 +210,7 @@ class Arm:
         # The leakage of servo valves at rest is known only after their balance is solved.
         valves = self.plant.actuator == "orifice"
         overloads = []
-        for name, torque in zip(JOINTS, needed, strict=True):
+        for name, torque in zip(self.joints, needed, strict=True):
             drive = self.drives[name]
             available = drive.maximum_torque if valves else drive.motor.holding_torque
             if name not in self.indexed and torque >= available:
@@ -223,8 +236,8 @@ class Arm:
 
     def _activations(self, torque: np.ndarray) -> np.ndarray:
         """Return the activations at which linear drives exert torques (7,), N m."""
-        states = np.zeros((len(JOINTS), eq.LINEAR_STATES))
-        pressure = torque / np.array([self.drives[name].motor.constant for name in JOINTS])
+        states = np.zeros((len(self.joints), eq.LINEAR_STATES))
+        pressure = torque / np.array([self.drives[name].motor.constant for name in self.joints])
         states[:, eq.LINEAR_FILTERED] = states[:, eq.LINEAR_LOAD] = pressure
         return states.ravel()
 
@@ -268,7 +281,7 @@ def load_arm(
     """Load the arm.
 
     Args:
-        variant: One of `VARIANTS`.
+        variant: Name of the arm: one of `VARIANTS`.
         payload: Payload of the end effector, one of `PAYLOADS`. The servo gains are always those for the RPCM. At the
             worksite, the initial payload: "none" leaves the unit in its holster.
         plant: Supply, oil, friction and noise of the drives.
@@ -296,13 +309,13 @@ def check_arm(
     variant: str, payload: str, plant: Plant, *, worksite: bool, specimen: Specimen = NOMINAL_SPECIMEN
 ) -> None:
     """Raise `TwinError` for arguments that `load_arm` cannot load."""
-    arm = variant_named(variant)
+    arm = arm_named(variant)
     if not isinstance(plant, Plant):
         raise TwinError(f'plant = {shown(plant)} given, expected a Plant, such as Plant(actuator="orifice")')
     if not isinstance(specimen, Specimen):
         raise TwinError(f"specimen = {shown(specimen)} given, expected a Specimen, such as Specimen(payload_mass=1.1)")
-    if not isinstance(payload, str) or payload not in PAYLOADS:
-        raise TwinError(f"unknown payload {shown(payload)}, available: {', '.join(PAYLOADS)}")
+    if not isinstance(payload, str) or payload not in arm.payloads:
+        raise TwinError(f"unknown payload {shown(payload)}, available: {', '.join(arm.payloads)}")
     if worksite and payload not in WORKSITE_PAYLOADS:
         raise TwinError(
             f"payload {payload!r} at the worksite given, expected {' or '.join(WORKSITE_PAYLOADS)}: the seats are the "
@@ -315,30 +328,32 @@ def check_arm(
         )
     drives = _drives(arm, plant, specimen)
     valves = plant.actuator == "orifice" and servo_law(arm, plant) == "flow"
-    if valves and drives["wrist_roll"].drag == 0.0:
+    outermost = arm.joints[-1]
+    if valves and drives[outermost].drag == 0.0:
         raise TwinError(
             f'plant: actuator = "orifice" with the servo "flow" and no drag given (friction = "{plant.friction}"): '
-            "nothing damps the oil of the wrist roll, and the arm is unstable; expected viscous friction, or "
-            'servo = "torque"'
+            f"nothing damps the oil of the {outermost.replace('_', ' ')}, and the arm is unstable; expected viscous "
+            'friction, or servo = "torque"'
         )
 
 
 @lru_cache(maxsize=64)
-def _drives(variant: Variant, plant: Plant, specimen: Specimen) -> Mapping[str, Drive]:
+def _drives(variant: ArmDescription, plant: Plant, specimen: Specimen) -> Mapping[str, Drive]:
     """The drive of each joint, computed once for all experiments on an arm: each of them checks it."""
     drives = {}
     for joint, drive in variant.actuators.items():
-        drives[joint] = specimen.applied(joint, plant.applied(drive))
+        drives[joint] = specimen.applied(variant.joint_index(joint), plant.applied(drive))
     return MappingProxyType(drives)
 
 
 @lru_cache(maxsize=64)
 def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
     """Assemble an arm from drives, gains and model; equal arguments give the same record."""
-    variant = variant_named(name)
+    variant = arm_named(name)
     drives = _drives(variant, plant, specimen)
     # Tuned for the variant: a specimen's own weights are unknown to whoever tunes its servos.
-    gains = {joint: specimen.gains(joint, tuned) for joint, tuned in tuned_gains(variant, plant).items()}
+    tuned = tuned_gains(variant, plant)
+    gains = {joint: specimen.gains(place, tuned[joint]) for place, joint in enumerate(variant.joints)}
     model = compile_arm(name, payload, plant, specimen, drives, gains, worksite)
     return Arm(
         model=model,

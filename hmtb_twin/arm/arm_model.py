@@ -8,21 +8,22 @@ import numpy as np
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.rigid_bodies import write_bodies
 from hmtb_twin.arm.worksite_model import TOUCH_SENSOR, worksite_spec
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.hydraulics.drive_actuators import ORIFICE_STEP, add_linear_drives, add_orifice_actuators
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.servo_gains import ServoGains, gains_for_slope, servo_gains
 from hmtb_twin.parameters.specimen import Specimen
-from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE, PIN, POSES, SAMPLE_TIME
-from hmtb_twin.parameters.variants import Variant, variant_named
+from hmtb_twin.parameters.values import HAND_CONTROLLER, PIN
 
 STEPS = {"flow": 15, "torque": 20}
 """Physics steps of a tick in free space by servo law, where no joint is lighter than the wrist roll with the RPCM."""
 
 
-def servo_law(variant: Variant, plant: Plant) -> str:
+def servo_law(variant: ArmDescription, plant: Plant) -> str:
     """Return the servo law of an arm, "flow" or "torque"."""
     return variant.servo if plant.servo == "variant" else plant.servo
 
@@ -39,7 +40,7 @@ def compile_arm(
     """Compile the model of an arm.
 
     Args:
-        name: One of `VARIANTS`.
+        name: Name of the arm.
         payload: Payload of the end effector, one of `PAYLOADS`.
         plant: Supply, oil, friction and noise of the drives.
         specimen: Deviations of the bodies from the variant's.
@@ -47,24 +48,24 @@ def compile_arm(
         gains: Gains of each joint's servo.
         worksite: Whether the arm stands at the worksite.
     """
-    variant = variant_named(name)
+    variant = arm_named(name)
     spec = _spec(variant, payload, plant, specimen, worksite)
-    for joint in JOINTS:
+    for joint in variant.joints:
         configure_joint(spec.joint(joint), drives[joint], indexed=joint in variant.indexed)
     if plant.actuator == "orifice":
         # Only hydraulic drives pass `Plant.applied` with this form.
         valves = {joint: drive for joint, drive in drives.items() if isinstance(drive, Actuator)}
-        add_orifice_actuators(spec, valves, gains)
+        add_orifice_actuators(spec, valves, gains, power_unit=variant.power_unit)
     else:
         # Contact errs more than the step.
-        add_linear_drives(spec, drives, gains, refine=not worksite)
+        add_linear_drives(spec, drives, gains, sample_time=variant.sample_time, refine=not worksite)
     if worksite:
         # The sensor remembers a whole tick.
-        spec.sensor(TOUCH_SENSOR).nsample = round(SAMPLE_TIME / spec.option.timestep)
+        spec.sensor(TOUCH_SENSOR).nsample = round(variant.sample_time / spec.option.timestep)
     return spec.compile()
 
 
-def _spec(variant: Variant, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> mujoco.MjSpec:
+def _spec(variant: ArmDescription, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> mujoco.MjSpec:
     """Return the model of an arm's bodies, in free space or at the worksite, ahead of its drives."""
     if worksite:
         # Contact needs the shorter step of servo valves, whatever the drives.
@@ -80,11 +81,11 @@ def _spec(variant: Variant, payload: str, plant: Plant, specimen: Specimen, work
     # Nothing touches in free space, and pictures have a model of their own: shapes would cost a tenth of a step.
     for shape in (*spec.geoms, *spec.cameras):
         spec.delete(shape)
-    spec.option.timestep = SAMPLE_TIME / STEPS[servo_law(variant, plant)]
+    spec.option.timestep = variant.sample_time / STEPS[servo_law(variant, plant)]
     return spec
 
 
-def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, ServoGains]:
+def tuned_gains(variant: ArmDescription, plant: Plant = NOMINAL_PLANT) -> dict[str, ServoGains]:
     """Return the gains of each joint, tuned at the operating pose with the RPCM on the controller's own model.
 
     Args:
@@ -95,9 +96,10 @@ def tuned_gains(variant: Variant, plant: Plant = NOMINAL_PLANT) -> dict[str, Ser
         TwinError: Seals hold a joint of the variant through the smallest test, a command by 1 V.
     """
     law = servo_law(variant, plant)
-    inertia = np.diag(controller_model("rpcm", variant.name).inertia_matrix(np.array(POSES[OPERATING_POSE])))
+    model = controller_model(variant.tuned_payload, variant.name)
+    inertia = np.diag(model.inertia_matrix(np.array(variant.poses[variant.operating_pose])))
     gains = {}
-    for name, joint_inertia in zip(JOINTS, inertia, strict=True):
+    for name, joint_inertia in zip(variant.joints, inertia, strict=True):
         drive = variant.actuators[name]
         tuned = servo_gains(float(joint_inertia), variant.servos[name], drive, law)
         if law == "flow" and isinstance(drive, Actuator):

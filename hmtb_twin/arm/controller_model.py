@@ -10,8 +10,9 @@ import numpy as np
 import pinocchio as pin
 
 from hmtb_twin.arm.rigid_bodies import write_controller_bodies
+from hmtb_twin.arm_files.known_arms import arm_named
+from hmtb_twin.parameters.arm_description import EARTH
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.variants import EARTH, variant_named
 
 
 class ControllerModel:
@@ -106,13 +107,13 @@ def controller_model(payload: str, variant: str = "nominal") -> ControllerModel:
     """Return the controller's model of an arm with a payload, built once.
 
     Args:
-        payload: One of `PAYLOADS`.
-        variant: One of `VARIANTS`.
+        payload: Name of a payload of the arm.
+        variant: Name of the arm.
 
     Returns:
         The model, read from `models/hmtb/hmtb.xml`; its arithmetic is shared and must not be used by several threads.
     """
     root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
-    arm = variant_named(variant)
+    arm = arm_named(variant)
     write_controller_bodies(root, arm, payload)
     return ControllerModel(ElementTree.tostring(root, encoding="unicode"), arm.gravity)

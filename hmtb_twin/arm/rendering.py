@@ -13,8 +13,6 @@ from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.rigid_bodies import write_bodies
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE
-from hmtb_twin.parameters.variants import variant_named
 
 NO_OPENGL = (
     "no OpenGL here, so no picture of the arm; on Debian or Ubuntu install libegl1 and libgl1-mesa-dri or a display"
@@ -33,7 +31,7 @@ def scene_model(arm: Arm) -> mujoco.MjModel:
     for key in list(spec.keys):
         # Its controls and activations would not fit a model without the unit, and a picture needs angles only.
         spec.delete(key)
-    write_bodies(spec, variant_named(arm.variant), arm.payload, arm.specimen)
+    write_bodies(spec, arm.description, arm.payload, arm.specimen)
     return spec.compile()
 
 
@@ -100,9 +98,10 @@ class Stage:
         """
         if camera not in self.cameras:
             raise TwinError(f"unknown camera {camera!r}, available: {', '.join(self.cameras)}")
-        self._data.qpos[: len(JOINTS)] = angles
+        n = len(angles)
+        self._data.qpos[:n] = angles
         if unit is not None:
-            self._data.qpos[len(JOINTS) : len(JOINTS) + len(unit)] = unit
+            self._data.qpos[n : n + len(unit)] = unit
         mujoco.mj_kinematics(self._model, self._data)
         mujoco.mj_camlight(self._model, self._data)
         view = mujoco.MjvCamera()
@@ -141,7 +140,7 @@ def render(
         TwinError: There is no such camera, or this machine has no OpenGL; the message says what to install.
     """
     if angles is None:
-        angles = arm.pose(OPERATING_POSE)
+        angles = arm.pose(arm.description.operating_pose)
     with Stage(arm, width, height) as stage:
         return stage.picture(camera, angles)
 

@@ -6,10 +6,10 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.payloads import PAYLOADS, Payload
 from hmtb_twin.parameters.specimen import LINK_NAMES, NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.parameters.values import JOINTS, LINKS, Link
-from hmtb_twin.parameters.variants import Variant
 
 UNIT = "rpcm"
 """Name of the payload's body."""
@@ -33,7 +33,9 @@ BODIES = dict(
 """The body that is each link."""
 
 
-def write_bodies(spec: mujoco.MjSpec, variant: Variant, payload: str, specimen: Specimen = NOMINAL_SPECIMEN) -> None:
+def write_bodies(
+    spec: mujoco.MjSpec, variant: ArmDescription, payload: str, specimen: Specimen = NOMINAL_SPECIMEN
+) -> None:
     """Write gravity, links and payload into a MuJoCo model that holds the RPCM.
 
     Args:
@@ -89,7 +91,7 @@ def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
         unit.mass, unit.inertia = specimen.payload_mass * unit.mass, specimen.payload_mass * unit.inertia
 
 
-def write_controller_bodies(root: ElementTree.Element, variant: Variant, payload: str) -> None:
+def write_controller_bodies(root: ElementTree.Element, variant: ArmDescription, payload: str) -> None:
     """Write links, payload and rotor inertias of an arm into the tree of `hmtb.xml` for the controller's model."""
     bodies = {str(body.get("name")): body for body in root.iter("body")}
     for name, link in _other_links(variant):
@@ -105,9 +107,9 @@ def write_controller_bodies(root: ElementTree.Element, variant: Variant, payload
         _write_inertia(bodies[UNIT], held.mass, held.size[0] / 2, held)
 
 
-def _other_links(variant: Variant) -> Iterator[tuple[str, Link]]:
+def _other_links(variant: ArmDescription) -> Iterator[tuple[str, Link]]:
     """Yield the links that are not the nominal arm's."""
-    for name, link in variant.links.items():
+    for name, link in (variant.links or LINKS).items():
         if link != LINKS[name]:
             yield name, link
 

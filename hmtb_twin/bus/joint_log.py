@@ -12,7 +12,7 @@ import numpy as np
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
-from hmtb_twin.parameters.values import JOINTS, joint_index
+from hmtb_twin.parameters.values import JOINTS
 from sysid import IOData
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
@@ -75,6 +75,7 @@ class JointLog:
             since the tick before; None elsewhere.
         spool: With servo valves, spool positions (N, 7), part of full stroke; None elsewhere.
         supply_pressure: With servo valves, pressure of the supply (N,), MPa; None elsewhere.
+        joints: Names of the joints from the base outward, in the sequence of the columns.
     """
 
     name: str
@@ -96,9 +97,10 @@ class JointLog:
     contact_force: np.ndarray | None = None
     spool: np.ndarray | None = None
     supply_pressure: np.ndarray | None = None
+    joints: tuple[str, ...] = JOINTS
 
     def __post_init__(self) -> None:
-        widths = {"joint": len(JOINTS), "component": len(WRENCH), "axis": len(self.axes), "pose": len(POSE)}
+        widths = {"joint": len(self.joints), "component": len(WRENCH), "axis": len(self.axes), "pose": len(POSE)}
         for channel, (dimension, _, _) in self._channels().items():
             dtype = np.int64 if channel == "status" else float
             array = np.array(getattr(self, channel), dtype=dtype)
@@ -134,6 +136,12 @@ class JointLog:
         """Commanded angles that the arm felt (N, 7), rad; the recorded ones may have noise beside."""
         return self.commanded if self.sent is None else self.sent
 
+    def joint_index(self, name: str) -> int:
+        """Return the column of a joint; raises `TwinError` for an unknown one."""
+        if not isinstance(name, str) or name not in self.joints:
+            raise TwinError(f"unknown joint {name!r}, available: {', '.join(self.joints)}")
+        return self.joints.index(name)
+
     def iodata(self, joints: str | Sequence[str] | None = None) -> IOData:
         """Return commands and measurements of one joint, or of several, as a record for identification.
 
@@ -151,9 +159,9 @@ class JointLog:
                 raise TwinError(f"{self.name} excites {', '.join(self.axes)}: name the joint")
             joints = self.axes[0]
         chosen = (joints,) if isinstance(joints, str) else tuple(joints)
-        columns = [joint_index(joint) for joint in chosen]
+        columns = [self.joint_index(joint) for joint in chosen]
         if not columns or len(set(columns)) < len(columns):
-            raise TwinError(f"joints = {chosen} given, expected one or more of {', '.join(JOINTS)}, each once")
+            raise TwinError(f"joints = {chosen} given, expected one or more of {', '.join(self.joints)}, each once")
         return IOData(
             self.commanded[:, columns],
             self.measured[:, columns],
@@ -166,7 +174,7 @@ class JointLog:
 
     def save(self, path: str | Path) -> Path:
         """Write the log as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""
-        labels = {"joint": JOINTS, "component": WRENCH, "axis": self.axes}
+        labels = {"joint": self.joints, "component": WRENCH, "axis": self.axes}
         if self.unit_pose is not None:
             labels["pose"] = POSE
         variables = {"sample": Variable(("sample",), np.arange(len(self)), {})}
@@ -201,8 +209,8 @@ class JointLog:
         """Return the log that the contents of a file describe; damage raises errors of any kind."""
         stored, attributes = contents.variables, contents.attributes
         joints = tuple(map(str, stored["joint"].values))
-        # Columns have no other names: another order would silently mix up the joints.
-        if joints != JOINTS:
+        # The joints of the test bed have one sequence, which other files of it rely on.
+        if joints != JOINTS and set(joints) & set(JOINTS):
             raise TwinError(f"a joint log with joints {', '.join(joints)}; expected {', '.join(JOINTS)} in this order")
         prefix = "provenance_"
         provenance = {}
@@ -216,6 +224,7 @@ class JointLog:
             dt=float(attributes["sampling_time"]),
             axes=tuple(map(str, stored["axis"].values)),
             provenance=provenance,
+            joints=joints,
             **{name: stored[name].values for name in present},
         )
 

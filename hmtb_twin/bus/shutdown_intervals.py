@@ -7,7 +7,6 @@ import numpy as np
 
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.control.experiment import Status
-from hmtb_twin.parameters.values import JOINTS
 
 
 @dataclass(frozen=True)
@@ -51,5 +50,7 @@ def shutdown_intervals(log: JointLog) -> tuple[ShutdownInterval, ...]:
         distance = np.abs(log.true_angles[first : last + 1] - log.true_angles[first]).max(axis=0)
         joint = int(distance.argmax())
         ends = bool(last < len(log))
-        intervals.append(ShutdownInterval(first * log.dt, last * log.dt, ends, JOINTS[joint], float(distance[joint])))
+        intervals.append(
+            ShutdownInterval(first * log.dt, last * log.dt, ends, log.joints[joint], float(distance[joint]))
+        )
     return tuple(intervals)

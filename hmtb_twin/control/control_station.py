@@ -11,7 +11,7 @@ from hmtb_twin.control.hand_controller import HandControllerInterface, deflectio
 from hmtb_twin.control.joint_loop import JointLoop
 from hmtb_twin.control.modes import axis_gains, start_mode
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_RATE
 
 
 class ControlStation:
@@ -45,7 +45,8 @@ class ControlStation:
     """
 
     def __init__(self, experiment: Experiment, arm: Arm, rng: np.random.Generator, *, live: bool = False) -> None:
-        self.ticks = _ticks(experiment)
+        rate = arm.description.sample_rate
+        self.ticks = _ticks(experiment, rate)
         self._mode = start_mode(experiment, arm)
         self._parameters = experiment.hand_controller
         self._gains = axis_gains(experiment.mode, experiment.axes, self._parameters)
@@ -56,17 +57,18 @@ class ControlStation:
                 "move(view), or None"
             )
         axes = len(experiment.axes)
-        disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain)
+        tick = arm.description.sample_time
+        disturbance = pickup(self.ticks, axes, self._parameters, rng, experiment.chain, tick)
         self._interface = HandControllerInterface(self._parameters, experiment.chain, disturbance)
-        self.powered = servo_power(experiment.shutdown, self.ticks)
-        self.exchanges = payload_exchanges(experiment, self.ticks)
+        self.powered = servo_power(experiment.shutdown, self.ticks, rate)
+        self.exchanges = payload_exchanges(experiment, self.ticks, rate)
         self.loop = _joint_loop(experiment, arm, self.ticks)
         self.live = live or self.operator is not None or self.loop is not None or not self.powered.all()
-        self.commands = np.empty((self.ticks, len(JOINTS)))
+        self.commands = np.empty((self.ticks, len(arm.joints)))
         self.status = np.zeros(self.ticks, dtype=np.int64)
         self.grip: bool | None = None
         if self.operator is None:
-            self._excitation = _excitation(experiment, self.ticks)
+            self._excitation = _excitation(experiment, self.ticks, rate)
             self.volts, self.counts = self._interface.read(self._excitation)
         else:
             self.volts, self.counts = np.empty((2, self.ticks, axes))
@@ -147,39 +149,39 @@ def _checked_volts(motion: object, axes: int) -> np.ndarray:
     return volts
 
 
-def _ticks(experiment: Experiment) -> int:
+def _ticks(experiment: Experiment, rate: int) -> int:
     """Return the length of an experiment in ticks; raises `TwinError` unless it is a whole number."""
-    ticks = round(experiment.duration * SAMPLE_RATE)
-    # Multiples of 0.02 s are multiples only up to rounding.
-    if ticks < 1 or abs(ticks - experiment.duration * SAMPLE_RATE) > 1e-9 * ticks:
+    ticks = round(experiment.duration * rate)
+    # Multiples of a tick are multiples only up to rounding.
+    if ticks < 1 or abs(ticks - experiment.duration * rate) > 1e-9 * ticks:
         raise TwinError(
             f"{experiment.name}: duration {experiment.duration:g} s given, expected a positive multiple of "
-            f"{SAMPLE_TIME:g} s"
+            f"{1.0 / rate:g} s"
         )
     return ticks
 
 
-def _excitation(experiment: Experiment, ticks: int) -> np.ndarray:
+def _excitation(experiment: Experiment, ticks: int, rate: int) -> np.ndarray:
     """Return the excitation computer's output (N, n_axes), V; raises `TwinError` if it does not fit the experiment."""
     volts = np.asarray(experiment.volts(), dtype=float)
     if volts.shape != (ticks, len(experiment.axes)) or not np.isfinite(volts).all():
         raise TwinError(
             f"{experiment.name}: volts of shape {volts.shape} given, expected finite values of shape "
-            f"{(ticks, len(experiment.axes))} for {experiment.duration:g} s at {SAMPLE_RATE} Hz"
+            f"{(ticks, len(experiment.axes))} for {experiment.duration:g} s at {rate} Hz"
         )
     return volts
 
 
-def servo_power(shutdown: Sequence[float], ticks: int) -> np.ndarray:
+def servo_power(shutdown: Sequence[float], ticks: int, rate: int = SAMPLE_RATE) -> np.ndarray:
     """Return whether the servos have power at each tick; the shutdown times in s alternate between off and on.
 
     Raises:
         TwinError: They do not ascend between the first tick and the last.
     """
-    return _event_counts("shutdown", shutdown, ticks, ": power off, power on, ...") % 2 == 0
+    return _event_counts("shutdown", shutdown, ticks, rate, ": power off, power on, ...") % 2 == 0
 
 
-def payload_exchanges(experiment: Experiment, ticks: int) -> np.ndarray:
+def payload_exchanges(experiment: Experiment, ticks: int, rate: int = SAMPLE_RATE) -> np.ndarray:
     """Return the number of payload changes up to each tick (ticks,) of an experiment.
 
     Raises:
@@ -193,19 +195,19 @@ def payload_exchanges(experiment: Experiment, ticks: int) -> np.ndarray:
     for before, after in pairwise(payloads):
         if before == after:
             raise TwinError(f"payload_changes from {' to '.join(payloads)} given: {after} follows itself")
-    return _event_counts("payload_changes at", [change.time for change in changes], ticks)
+    return _event_counts("payload_changes at", [change.time for change in changes], ticks, rate)
 
 
-def _event_counts(name: str, times: Sequence[float], ticks: int, hint: str = "") -> np.ndarray:
+def _event_counts(name: str, times: Sequence[float], ticks: int, rate: int, hint: str = "") -> np.ndarray:
     """Return the number of events up to each tick (ticks,); raises `TwinError` unless their times in s ascend."""
     seconds = np.asarray(times, dtype=float)
     # Times that are huge or not finite would become ticks without meaning: they fail the check below.
-    event_ticks = np.rint(seconds * SAMPLE_RATE) if (np.abs(seconds) < ticks).all() else np.zeros(1)
+    event_ticks = np.rint(seconds * rate) if (np.abs(seconds) < ticks).all() else np.zeros(1)
     ascending = (np.diff(event_ticks) > 0).all()
     if not (ascending and (event_ticks >= 1).all() and (event_ticks < ticks).all()):
         listed = ", ".join(f"{time:g}" for time in seconds)
         raise TwinError(
             f"{name} {listed} s given, expected ascending times "
-            f"between 0 and the end at {ticks * SAMPLE_TIME:g} s, {SAMPLE_TIME:g} s apart{hint}"
+            f"between 0 and the end at {ticks / rate:g} s, {1.0 / rate:g} s apart{hint}"
         )
     return np.searchsorted(event_ticks, np.arange(ticks), side="right")

@@ -14,24 +14,31 @@ def quantise(signal: np.ndarray, step: float) -> np.ndarray:
     return np.rint(signal / step)
 
 
-def low_pass(noise: np.ndarray, corner: float) -> np.ndarray:
+def low_pass(noise: np.ndarray, corner: float, sample_time: float = SAMPLE_TIME) -> np.ndarray:
     """Return white noise (N, n) behind a first-order low-pass of a corner in Hz, of equal variance from the start.
 
     A corner of 0 leaves it white.
     """
     if corner == 0.0:
         return noise
-    pole = np.exp(-2.0 * np.pi * corner * SAMPLE_TIME)
+    pole = np.exp(-2.0 * np.pi * corner * sample_time)
     # The first sample has the full variance, so that the noise is stationary from the first tick on.
     driven = np.concatenate([noise[:1], np.sqrt(1.0 - pole**2) * noise[1:]])
     return np.asarray(lfilter([1.0], [1.0, -pole], driven, axis=0))
 
 
-def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Generator, chain: Chain) -> np.ndarray:
+def pickup(
+    ticks: int,
+    axes: int,
+    parameters: HandController,
+    rng: np.random.Generator,
+    chain: Chain,
+    sample_time: float = SAMPLE_TIME,
+) -> np.ndarray:
     """Return the disturbance that bias and wires add to the excitation.
 
     The noise is white, or a first-order low-pass of white noise where a corner is given, with the same standard
-    deviation; hum is a sinusoid of random phase, which the 50 Hz loop sees at its alias.
+    deviation; hum is a sinusoid of random phase, which the position loop sees at its alias.
 
     Args:
         ticks: Length N.
@@ -39,6 +46,7 @@ def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Gen
         parameters: The interface.
         rng: Source of bias, noise and phase; the number of draws does not depend on the chain.
         chain: Imperfections that are switched on.
+        sample_time: Length of a tick, s.
 
     Returns:
         Disturbance (N, n), V.
@@ -47,12 +55,12 @@ def pickup(ticks: int, axes: int, parameters: HandController, rng: np.random.Gen
     bias = (1.0 - parameters.compensation) * parameters.bias * rng.standard_normal(axes)
     noise = rng.standard_normal((ticks, axes))
     phase = 2.0 * np.pi * rng.random(axes)
-    noise = low_pass(noise, parameters.noise_corner)
+    noise = low_pass(noise, parameters.noise_corner, sample_time)
     disturbance = np.zeros((ticks, axes))
     if chain.bias:
         disturbance += bias
     if chain.noise:
-        time = np.arange(ticks)[:, None] * SAMPLE_TIME
+        time = np.arange(ticks)[:, None] * sample_time
         disturbance += parameters.noise * noise
         disturbance += parameters.hum * np.sin(2.0 * np.pi * parameters.hum_frequency * time + phase)
     return disturbance

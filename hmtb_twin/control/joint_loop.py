@@ -5,7 +5,6 @@ import numpy as np
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.control.experiment import JointController, Status
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, MOTIONS, SAMPLE_TIME
 
 
 class JointLoop:
@@ -27,13 +26,13 @@ class JointLoop:
         self, controller: JointController, arm: Arm, pose: np.ndarray, ticks: int, *, velocity_limit: bool
     ) -> None:
         self.controller, self._delays = controller, arm.delays
-        self._lower = np.array([MOTIONS[name].lower for name in JOINTS])
-        self._upper = np.array([MOTIONS[name].upper for name in JOINTS])
-        self._step = arm.velocity_limits * SAMPLE_TIME if velocity_limit else np.full(len(JOINTS), np.inf)
-        self._fixed = [JOINTS.index(name) for name in arm.indexed]
+        description, n = arm.description, len(pose)
+        self._lower, self._upper = description.lower, description.upper
+        self._step = arm.velocity_limits * description.sample_time if velocity_limit else np.full(n, np.inf)
+        self._fixed = [description.joint_index(name) for name in arm.indexed]
         self._sent = pose
-        self.requested = np.empty((ticks, len(JOINTS)))
-        self._readings = np.empty((ticks, len(JOINTS)))
+        self.requested = np.empty((ticks, n))
+        self._readings = np.empty((ticks, n))
 
     def step(self, tick: int, requested: np.ndarray, reading: np.ndarray, *, running: bool) -> tuple[np.ndarray, int]:
         """Advance one tick.
@@ -58,12 +57,12 @@ class JointLoop:
         if not running:
             return requested, 0
         # Before its delay has passed, a reading shows the arm at rest.
-        measured = self._readings[np.maximum(tick - self._delays, 0), np.arange(len(JOINTS))]
+        measured = self._readings[np.maximum(tick - self._delays, 0), np.arange(len(requested))]
         # Copies: a controller that changes its arguments must not change the records.
         answer = self.controller.command(requested.copy(), measured, self._sent.copy())
         command = np.asarray(answer, dtype=float)
         if command.shape != requested.shape or not np.isfinite(command).all():
-            raise TwinError(f"its joint controller gave {answer!r}, expected {len(JOINTS)} finite angles in rad")
+            raise TwinError(f"its joint controller gave {answer!r}, expected {len(requested)} finite angles in rad")
         # An indexed joint is held by its pin: no controller moves it.
         command[self._fixed] = requested[self._fixed]
         slewed = np.clip(command, self._sent - self._step, self._sent + self._step)

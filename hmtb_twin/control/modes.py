@@ -8,11 +8,11 @@ import pinocchio as pin
 
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.controller_model import ControllerModel
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.experiment import Experiment, Status
 from hmtb_twin.control.resolved_rate import ResolvedRate
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, MOTIONS, SAMPLE_TIME, HandController, joint_index
-from hmtb_twin.parameters.variants import variant_named
+from hmtb_twin.parameters.values import HandController
 
 NORMAL, VELOCITY_LIMITED, JOINT_LIMITED = Status(0), int(Status.VELOCITY_LIMITED), int(Status.JOINT_LIMITED)
 """Status of most ticks, and flags as plain numbers: making an enumeration costs as much as the command itself."""
@@ -25,7 +25,7 @@ class SingleJoint:
 
     Args:
         pose: Reference pose, where the command starts (7,), rad.
-        joints: Joints that the stick moves, their places in `JOINTS`.
+        joints: Joints that the stick moves, their places among those of the arm.
         lower: Lower ends of the joint ranges (7,), rad.
         upper: Upper ends (7,), rad.
         step: Largest change of each joint's command in one tick (7,), rad; infinite without a velocity limit.
@@ -183,7 +183,7 @@ def axis_names(mode: str, variant: str = "nominal") -> tuple[str, ...]:
         raise TwinError(f"unknown mode {mode!r}, available: {', '.join(MODES)}")
     if mode.startswith("cartesian"):
         return TOOL_AXES
-    return tuple(name for name in JOINTS if name not in variant_named(variant).indexed)
+    return arm_named(variant).free
 
 
 def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> np.ndarray:
@@ -211,11 +211,10 @@ def start_mode(experiment: Experiment, arm: Arm) -> Mode:
             f"{', '.join(available)} in mode {experiment.mode}{hint}"
         )
     pose = arm.pose(experiment.pose)
-    lower = np.array([MOTIONS[name].lower for name in JOINTS])
-    upper = np.array([MOTIONS[name].upper for name in JOINTS])
-    step = arm.velocity_limits * SAMPLE_TIME if experiment.chain.velocity_limit else np.full(len(JOINTS), np.inf)
-    dt = SAMPLE_TIME if experiment.mode.endswith("rate") else None
+    lower, upper, tick = arm.description.lower, arm.description.upper, arm.description.sample_time
+    step = arm.velocity_limits * tick if experiment.chain.velocity_limit else np.full(len(pose), np.inf)
+    dt = tick if experiment.mode.endswith("rate") else None
     if experiment.mode.startswith("cartesian"):
         directions = [TOOL_AXES.index(name) for name in axes]
         return Cartesian(arm.controller, pose, directions, lower, upper, step, dt)
-    return SingleJoint(pose, [joint_index(name) for name in axes], lower, upper, step, dt)
+    return SingleJoint(pose, [arm.description.joint_index(name) for name in axes], lower, upper, step, dt)

@@ -35,7 +35,12 @@ The step shrinks in proportion for a faster one, that of the wrist roll without 
 
 
 def add_linear_drives(
-    spec: mujoco.MjSpec, drives: Mapping[str, Drive], gains: Mapping[str, ServoGains], *, refine: bool = True
+    spec: mujoco.MjSpec,
+    drives: Mapping[str, Drive],
+    gains: Mapping[str, ServoGains],
+    *,
+    sample_time: float = SAMPLE_TIME,
+    refine: bool = True,
 ) -> None:
     """Replace the actuators of a model by linear drives.
 
@@ -46,6 +51,7 @@ def add_linear_drives(
         spec: The model; its actuators are deleted, its integrator is set to the Runge-Kutta method.
         drives: Drive of each joint, by the joint's name.
         gains: Gains of each joint's servo.
+        sample_time: Length of a tick, s.
         refine: Whether the step shrinks for joints whose oil rings faster than `FASTEST_OIL`.
 
     Raises:
@@ -55,7 +61,7 @@ def add_linear_drives(
     for name, drive in drives.items():
         rows[name] = linear_parameters(drive, gains[name], joints=len(drives))
     inertias = _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
-    model_steps = SAMPLE_TIME / spec.option.timestep
+    model_steps = sample_time / spec.option.timestep
     # Steps end where a tick ends: the joint that needs most steps per tick decides.
     steps_per_tick = [round(model_steps)]
     for name, inertia in inertias.items():
@@ -65,11 +71,11 @@ def add_linear_drives(
         motor = drives[name].motor
         modes = np.linalg.eigvals(servo_dynamics(inertia, drives[name].drag, motor, gains[name]))
         # Stability: the fastest mode of servo, oil and joint bounds the step.
-        steps_per_tick.append(ceil(SAMPLE_TIME * float(np.abs(modes).max()) / LONGEST_STEP))
+        steps_per_tick.append(ceil(sample_time * float(np.abs(modes).max()) / LONGEST_STEP))
         if refine:
             # Accuracy: K / sqrt(L J) is the resonance of the oil (or inductance) with the inertia.
             steps_per_tick.append(ceil(model_steps * motor.constant / sqrt(motor.inductance * inertia) / FASTEST_OIL))
-    spec.option.timestep = SAMPLE_TIME / max(steps_per_tick)
+    spec.option.timestep = sample_time / max(steps_per_tick)
 
 
 def add_orifice_actuators(

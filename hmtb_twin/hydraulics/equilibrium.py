@@ -6,12 +6,14 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.files.errors import OverloadError
-from hmtb_twin.parameters.values import JOINTS, PIN
+from hmtb_twin.hydraulics import valve_equations as eq
+from hmtb_twin.parameters.values import PIN
 
 
 def pin_stiffnesses(model: mujoco.MjModel) -> np.ndarray:
     """Return the stiffness of the pin of each joint of a model (7,), N m/rad: no other spring holds a joint."""
-    return np.array(model.jnt_stiffness[: len(JOINTS)])
+    # The joints of the arm, one for each drive, stand before all others.
+    return np.array(model.jnt_stiffness[: int(model.actuator_user[0, eq.COUNT])])
 
 
 def newton(function: Callable[[np.ndarray], np.ndarray], start: np.ndarray) -> np.ndarray:

@@ -5,7 +5,6 @@ Run as a module it writes the table of `models/hmtb/README.md`.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from typing import Any
 
 from hmtb_twin.parameters.drives import (
@@ -18,6 +17,7 @@ from hmtb_twin.parameters.drives import (
     YawFriction,
 )
 from hmtb_twin.parameters.payloads import LATCH, PAYLOADS, SEATS, TOUCH
+from hmtb_twin.parameters.quantity import Provenance, provenance
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
 from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, LINKS, MOTIONS, PIN, RECORDER, SERVOS
 from hmtb_twin.parameters.variants import FLIGHT_DRIVES, FLIGHT_LINKS, FLIGHT_SERVOS
@@ -48,27 +48,6 @@ _RECORDS: Mapping[str, Any] = {
     "flight wrist roll gear friction": RollGearFriction(),
     "flight servo": FLIGHT_SERVOS,
 }
-
-
-@dataclass(frozen=True)
-class Provenance:
-    """One row of the provenance table."""
-
-    owner: str
-    parameter: str
-    value: Any
-    unit: str
-    tag: str
-    source: str
-
-
-def provenance(owner: str, record: Any) -> tuple[Provenance, ...]:
-    """Return one row for each parameter of a record that is declared with `quantity`, in order of declaration."""
-    rows = []
-    for parameter in fields(record):
-        if "tag" in parameter.metadata:
-            rows.append(Provenance(owner, parameter.name, getattr(record, parameter.name), **parameter.metadata))
-    return tuple(rows)
 
 
 def provenance_table() -> tuple[Provenance, ...]:

@@ -110,8 +110,8 @@ class Specimen:
         """The recorder with the noise of this arm's resolvers."""
         return replace(RECORDER, noise=self.resolver_noise * RECORDER.noise)
 
-    def applied(self, joint: str, drive: Drive) -> Drive:
-        """Return the drive of a joint on this arm; raises `TwinError` for deviating oil and an electric drive."""
+    def applied(self, joint: int, drive: Drive) -> Drive:
+        """Return the drive of a joint, by its place; raises `TwinError` for deviating oil and an electric drive."""
         oil_factors = [name for name in OIL if getattr(self, name) != 1.0]
         if isinstance(drive, ElectricDrive):
             if oil_factors:
@@ -130,8 +130,8 @@ class Specimen:
         seals = drive.friction
         return replace(drive, friction=replace(seals, coulomb=dry * seals.coulomb, viscous=drag * seals.viscous))
 
-    def gains(self, joint: str, tuned: ServoGains) -> ServoGains:
-        """Return the gains of a joint's servo on this arm from the tuned ones."""
+    def gains(self, joint: int, tuned: ServoGains) -> ServoGains:
+        """Return the gains of the servo of a joint, by its place, on this arm from the tuned ones."""
         return tuned._replace(kp=self._of_joint("kp", joint) * tuned.kp, kd=self._of_joint("kd", joint) * tuned.kd)
 
     def bodies(
@@ -178,10 +178,10 @@ class Specimen:
         shapes = [getattr(self, name) or [0.0] * LENGTHS[name] for name in DEVIATIONS]
         return np.array(shapes).reshape(3, -1, AXES)
 
-    def _of_joint(self, name: str, joint: str) -> float:
+    def _of_joint(self, name: str, joint: int) -> float:
         """Return the factor of a joint in a quantity with one per joint; 1 where nothing deviates."""
         values = getattr(self, name)
-        return float(values[JOINTS.index(joint)]) if values else 1.0
+        return float(values[joint]) if values else 1.0
 
 
 def _range(name: str) -> tuple[float, float]:

@@ -16,15 +16,27 @@ work [Morris1996, VII.1]; its drive and servo have the assumed numbers of the no
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from math import inf
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from hmtb_twin.files.errors import TwinError, shown
-from hmtb_twin.parameters.drives import ACTUATORS, Actuator, Drive, ElectricDrive, Friction, RollGearFriction
+from hmtb_twin.parameters.arm_description import ArmDescription
+from hmtb_twin.parameters.drives import ACTUATORS, Actuator, ElectricDrive, Friction, RollGearFriction
+from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.quantity import quantity
-from hmtb_twin.parameters.servo_valve import POWER_UNIT
-from hmtb_twin.parameters.values import BUS, INDEXED_JOINTS, JOINTS, LINKS, MOTIONS, SERVOS, BusTerminal, Link, Servo
+from hmtb_twin.parameters.values import (
+    BUS,
+    INDEXED_JOINTS,
+    JOINTS,
+    LINKS,
+    MOTIONS,
+    OPERATING_POSE,
+    POSES,
+    SAMPLE_RATE,
+    SERVOS,
+    STUDIED_JOINTS,
+    Link,
+    Servo,
+)
 
 
 @dataclass(frozen=True)
@@ -138,98 +150,51 @@ FLIGHT_SERVOS: Mapping[str, Servo] = MappingProxyType(
 """The servo of each joint."""
 
 
-LEAST_VOLUME = 1.2
-"""Least trapped volume of an actuator over the volume that its joint sweeps: chambers, ports and lines."""
-
-EARTH = 9.81
-"""Acceleration of gravity that the arm feels on the ground, m/s^2."""
-
-
-@dataclass(frozen=True, eq=False)
-class Variant:
-    """One arm: everything that may differ from the nominal one.
-
-    Attributes:
-        name: Its name.
-        description: One line for lists.
-        gravity: Acceleration of gravity, m/s^2.
-        links: Link that each joint moves, and the end effector.
-        actuators: Drive of each joint.
-        servos: Servo of each joint.
-        bus: Bus terminal of each joint.
-        servo: Servo law, "flow" or "torque"; a `Plant` may ask for the other one.
-        indexed: Joints that a pin holds, which follow no command.
-    """
-
-    name: str
-    description: str
-    gravity: float = EARTH
-    links: Mapping[str, Link] = field(default_factory=lambda: LINKS)
-    actuators: Mapping[str, Drive] = field(default_factory=lambda: ACTUATORS)
-    servos: Mapping[str, Servo] = field(default_factory=lambda: SERVOS)
-    bus: Mapping[str, BusTerminal] = field(default_factory=lambda: BUS)
-    servo: str = "torque"
-    indexed: tuple[str, ...] = INDEXED_JOINTS
-
-    def __post_init__(self) -> None:
-        """Raise `TwinError` for hydraulics that cannot be."""
-        hydraulic = {name: drive for name, drive in self.actuators.items() if isinstance(drive, Actuator)}
-        for name, actuator in hydraulic.items():
-            smallest = LEAST_VOLUME * actuator.displacement * (MOTIONS[name].upper - MOTIONS[name].lower)
-            if actuator.trapped_volume < smallest:
-                raise TwinError(
-                    f"{self.name}: trapped volume {actuator.trapped_volume:g} cm3 of the {name.replace('_', ' ')} "
-                    f"given, expected at least {smallest:.0f}: {LEAST_VOLUME:g} times what the joint sweeps over its "
-                    "range"
-                )
-        # All joints at full speed must not starve each other: the pump feeds every valve at once.
-        flow = sum(actuator.rated_flow for actuator in hydraulic.values())
-        if flow > POWER_UNIT.largest_flow:
-            raise TwinError(
-                f"{self.name}: valves that pass {flow:.0f} cm3/s together given, expected at most the pump's "
-                f"{POWER_UNIT.largest_flow:g}"
-            )
-        for name, drive in self.actuators.items():
-            friction = drive.friction
-            if friction is None:
-                continue
-            # `Friction.bristles` would silently reduce the damping; a variant's own numbers must not need that.
-            damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
-            passive = drive.drag / (friction.static_ratio - 1.0) if friction.static_ratio > 1.0 else inf
-            if damping > passive:
-                raise TwinError(
-                    f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, "
-                    f"expected at most {passive:.3g}: beyond, the friction is not passive"
-                )
-
-
-_NOMINAL = Variant("nominal", "about 1 Hz on every joint, as the spectral estimates of the thesis read", servo="flow")
-_PUBLISHED = Variant(
-    "published",
-    "dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
+_NOMINAL = ArmDescription(
+    "nominal",
+    "about 1 Hz on every joint, as the spectral estimates of the thesis read",
+    joints=JOINTS,
+    motions=MOTIONS,
+    actuators=ACTUATORS,
+    servos=SERVOS,
+    bus=BUS,
+    poses=POSES,
+    operating_pose=OPERATING_POSE,
+    payloads=PAYLOADS,
+    tuned_payload="rpcm",
+    links=LINKS,
+    servo="flow",
+    indexed=INDEXED_JOINTS,
+    studied=STUDIED_JOINTS,
+    sample_rate=SAMPLE_RATE,
+)
+_PUBLISHED = replace(
+    _NOMINAL,
+    name="published",
+    description="dominant poles of the models that the thesis chose, shoulder yaw at 0.16 Hz",
     actuators=PUBLISHED_ACTUATORS,
     servos=PUBLISHED_SERVOS,
+    servo="torque",
 )
-_FLIGHT = Variant(
-    "flight",
-    "the arm in orbit: weightless, lighter links, electric drives, about 2 Hz",
+_FLIGHT = replace(
+    _NOMINAL,
+    name="flight",
+    description="the arm in orbit: weightless, lighter links, electric drives, about 2 Hz",
     gravity=0.0,
     links=FLIGHT_LINKS,
     actuators=FLIGHT_DRIVES,
     servos=FLIGHT_SERVOS,
+    servo="torque",
 )
-_RELEASED = Variant(
-    "released", "the nominal arm with its shoulder roll free: seven joints move", servo="flow", indexed=()
+_RELEASED = replace(
+    _NOMINAL,
+    name="released",
+    description="the nominal arm with its shoulder roll free: seven joints move",
+    # No pin holds it, so that all seven joints follow commands.
+    indexed=(),
 )
 
-VARIANTS: Mapping[str, Variant] = MappingProxyType(
+VARIANTS: Mapping[str, ArmDescription] = MappingProxyType(
     {arm.name: arm for arm in (_NOMINAL, _PUBLISHED, _FLIGHT, _RELEASED)}
 )
-"""All arms by name."""
-
-
-def variant_named(name: str) -> Variant:
-    """Return a variant by name; raises `TwinError` for an unknown one."""
-    if not isinstance(name, str) or name not in VARIANTS:
-        raise TwinError(f"unknown variant {shown(name)}, available: {', '.join(VARIANTS)}")
-    return VARIANTS[name]
+"""All arms of the test bed by name."""

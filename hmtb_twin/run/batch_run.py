@@ -12,7 +12,6 @@ from mujoco import batch
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.control.experiment import Status, View
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.run.experiment_row import STATE, ExperimentRow
 from hmtb_twin.run.worksite_run import WorksiteRun
 
@@ -89,7 +88,9 @@ class BatchRun:
         self._rows = rows
         # The first arm represents all: everything read here is equal for arms of one structure.
         arm = rows[0].arm
-        self.substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
+        self._joints, self._rate = len(arm.joints), arm.description.sample_rate
+        self._sample_time = arm.description.sample_time
+        self.substeps = round(self._sample_time / arm.model.opt.timestep)
         self._simulations = simulations = batch.Batch(arm.model, nsim=len(rows), nthread=threads)
         self._models = [row.arm.model for row in rows]
         # The batch begins with the first arm's model in every row.
@@ -116,7 +117,7 @@ class BatchRun:
     def run(self, report: Callable[[int], None]) -> None:
         """Run the experiments; fill in their records or failures. `report` is called with the completed ticks."""
         for tick in self.steps():
-            if tick % SAMPLE_RATE == 1 or not len(self._active):
+            if tick % self._rate == 1 or not len(self._active):
                 report(self.ticks)
 
     def steps(self) -> Generator[int]:
@@ -158,7 +159,7 @@ class BatchRun:
     def channels(self) -> dict[str, np.ndarray]:
         """Return the recorded channels at this tick, (rows, width) each."""
         channels = {
-            "true_angles": self._angles[:, : len(JOINTS)],
+            "true_angles": self._angles[:, : self._joints],
             "load_pressure": self._act[:, self._pressures],
             "wrench": self._sensors[:, : len(WRENCH)],
         }
@@ -185,11 +186,11 @@ class BatchRun:
             row = self._rows[i]
             if tick >= row.ticks or row.failure is not None:
                 continue
-            angles = self._angles[i, : len(JOINTS)]
+            angles = self._angles[i, : self._joints]
             try:
                 row.station.tick(tick, row.reading(tick, angles), partial(self._view, tick, i))
             except TwinError as error:
-                self._fail(i, f"{error}, at {tick * SAMPLE_TIME:.2f} s")
+                self._fail(i, f"{error}, at {tick * self._sample_time:.2f} s")
                 continue
             carrying = None
             if self._site:
@@ -222,12 +223,12 @@ class BatchRun:
             simulations.step(ids=active, nstep=self.substeps, stage=mujoco.mjtStage.mjSTAGE_ACC)
         except batch.SimulationError as error:
             for i in error.ids:
-                self._fail(i, f"the physics engine stopped at {tick * SAMPLE_TIME:.2f} s: {simulations.error(i)}")
+                self._fail(i, f"the physics engine stopped at {tick * self._sample_time:.2f} s: {simulations.error(i)}")
         self.seconds += perf_counter() - started
         self.ticks += len(active)
         for i in active[simulations.warning[active, :, 1].any(axis=1)].tolist():
             names = warning_names(simulations.warning[i, :, 1])
-            self._fail(i, f"the physics engine warned of {names} at {tick * SAMPLE_TIME:.2f} s")
+            self._fail(i, f"the physics engine warned of {names} at {tick * self._sample_time:.2f} s")
         # Rows that are at their end stay in the arrays and are stepped no more.
         self._active = self._active[self._lengths[self._active] > tick + 1]
 
@@ -248,7 +249,9 @@ class BatchRun:
         position = self._positions[i, self._tool].copy()
         rotation = self._rotations[i, self._tool].reshape(3, 3).copy()
         wrench = self._sensors[i, : len(WRENCH)].copy()
-        return View(time=tick * SAMPLE_TIME, tool_position=position, tool_rotation=rotation, wrench=wrench, unit=unit)
+        return View(
+            time=tick * self._sample_time, tool_position=position, tool_rotation=rotation, wrench=wrench, unit=unit
+        )
 
 
 def _switched(rows: Sequence[ExperimentRow]) -> dict[int, list[int]]:

@@ -16,7 +16,7 @@ from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.control.hand_controller import low_pass
 from hmtb_twin.files.errors import OverloadError
-from hmtb_twin.parameters.values import SAMPLE_TIME, Recorder
+from hmtb_twin.parameters.values import Recorder
 
 STATE = ("qpos", "qvel", "act", "ctrl", "eq_active")
 """Fields of MuJoCo's state that start from the arm at rest; all others start at zero."""
@@ -104,7 +104,7 @@ class ExperimentRow:
         return JointLog(
             name=experiment.name,
             seed=experiment.seed,
-            dt=SAMPLE_TIME,
+            dt=self.arm.description.sample_time,
             axes=tuple(experiment.axes),
             commanded=recorded_commands,
             sent=sent,
@@ -114,6 +114,7 @@ class ExperimentRow:
             volts=station.volts[span],
             counts=station.counts[span],
             **record,
+            joints=self.arm.joints,
             provenance=self._provenance(),
         )
 
@@ -160,7 +161,9 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
     noise = resolvers.standard_normal(shape)
     logged, interface = None, experiment.hand_controller
     if experiment.chain.logged_noise and interface.logged_noise > 0.0:
-        logged = interface.logged_noise * low_pass(logging.standard_normal(shape), interface.logged_noise_corner)
+        logged = interface.logged_noise * low_pass(
+            logging.standard_normal(shape), interface.logged_noise_corner, arm.description.sample_time
+        )
     return ExperimentRow(experiment, arms, station, experiment.specimen.recorder, noise, logged, torques)
 
 

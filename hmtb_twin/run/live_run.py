@@ -10,7 +10,7 @@ from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.batch_run import BatchRun
 from hmtb_twin.run.experiment_row import first_state, prepare
 
@@ -28,6 +28,7 @@ class Frame:
         unit_pose: Position in m and quaternion of the replacement unit (7,); None in free space.
         contact_force: Sum of normal forces between unit and worksite, N; None in free space.
         measured: Angles on the bus in the tick of the command (7,), rad; None where nothing was recorded.
+        dt: Length of a tick, s.
     """
 
     tick: int
@@ -38,11 +39,12 @@ class Frame:
     unit_pose: np.ndarray | None = None
     contact_force: float | None = None
     measured: np.ndarray | None = None
+    dt: float = SAMPLE_TIME
 
     @property
     def time(self) -> float:
         """Since the start of the experiment, s."""
-        return self.tick * SAMPLE_TIME
+        return self.tick * self.dt
 
     @property
     def wrist_force(self) -> float:
@@ -63,6 +65,7 @@ def frame_of(log: JointLog, tick: int) -> Frame:
         unit_pose=unit_pose,
         contact_force=contact_force,
         measured=log.measured[tick],
+        dt=log.dt,
     )
 
 
@@ -91,7 +94,8 @@ class LiveRun:
         self._steps = self._run.steps()
         self._switched: list[float] = list(experiment.shutdown)
         self.tick, self.ticks = 0, row.ticks
-        self._readings = np.empty((row.ticks, len(JOINTS)))
+        self._sample_time = row.arm.description.sample_time
+        self._readings = np.empty((row.ticks, len(row.arm.joints)))
         self.failure: str | None = None
 
     def step(self) -> Frame | None:
@@ -108,7 +112,7 @@ class LiveRun:
         # The recorder read the angles before the command of this tick acted.
         self._readings[done] = self._row.reading(done, angles)
         recorded_ticks = np.maximum(done - self._row.arm.delays, 0)
-        measured = self._readings[recorded_ticks, np.arange(len(JOINTS))]
+        measured = self._readings[recorded_ticks, np.arange(self._readings.shape[1])]
         station = self._row.station
         channels = {name: values[0].copy() for name, values in self._run.channels().items()}
         contact_force = float(channels["contact_force"][0]) if "contact_force" in channels else None
@@ -121,6 +125,7 @@ class LiveRun:
             unit_pose=channels.get("unit_pose"),
             contact_force=contact_force,
             measured=measured,
+            dt=self._sample_time,
         )
 
     @property
@@ -138,10 +143,10 @@ class LiveRun:
         """
         if not 0 < self.tick < self.ticks or self.failure is not None:
             raise TwinError("the servo power can be switched only while the arm runs")
-        self._switched = [time for time in self._switched if round(time / SAMPLE_TIME) < self.tick]
+        self._switched = [time for time in self._switched if round(time / self._sample_time) < self.tick]
         if on != bool(self._row.station.powered[self.tick - 1]):
             # Products with the sampling time such as 0.06 come out as 0.060000000000000005.
-            self._switched.append(round(self.tick * SAMPLE_TIME, 9))
+            self._switched.append(round(self.tick * self._sample_time, 9))
         self._run.switch_power(self.tick, on=on)
 
     @property

@@ -14,7 +14,7 @@ from hmtb_twin.arm.rendering import Stage, scene_model
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
@@ -143,9 +143,10 @@ def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) 
             tick = min(int(time / log.dt), len(log) - 1)
             # The viewer shows this time; nothing is simulated.
             data.time = tick * log.dt
-            data.qpos[: len(JOINTS)] = log.true_angles[tick]
+            n = len(log.joints)
+            data.qpos[:n] = log.true_angles[tick]
             if log.unit_pose is not None:
-                data.qpos[len(JOINTS) : len(JOINTS) + 7] = np.asarray(log.unit_pose[tick])
+                data.qpos[n : n + 7] = np.asarray(log.unit_pose[tick])
             mujoco.mj_forward(model, data)
             window.sync()
             sleep(1.0 / 60.0)  # the rate of most displays

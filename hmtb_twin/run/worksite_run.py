@@ -12,8 +12,7 @@ from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD, TOUCH_SENSOR, UNIT_BODY
 from hmtb_twin.control.experiment import UnitView
-from hmtb_twin.parameters.payloads import LATCH, PAYLOADS
-from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.payloads import LATCH
 
 END_EFFECTOR = "end_effector"
 """Body whose fingers close about the unit's fitting."""
@@ -34,8 +33,8 @@ class WorksiteRun:
     """
 
     def __init__(self, simulations: batch.Batch, arms: Sequence[Arm]) -> None:
-        self._arms = arms
-        self.held = np.array([PAYLOADS[arm.payload] is not None for arm in arms])
+        self._arms, self._joints = arms, len(arms[0].joints)
+        self.held = np.array([arm.description.payloads[arm.payload] is not None for arm in arms])
         self._closed = self.held.copy()
         # Each simulation has its own models, which hold the pose of the unit between the fingers.
         self._working = [copy(arm.model) for arm in arms]
@@ -57,7 +56,7 @@ class WorksiteRun:
     @property
     def unit_pose(self) -> np.ndarray:
         """Position and quaternion of the unit (n, 7), m and 1."""
-        return self._angles[:, len(JOINTS) :]
+        return self._angles[:, self._joints :]
 
     @property
     def contact_force(self) -> np.ndarray:

@@ -12,7 +12,8 @@ from hmtb_twin.arm.arm import Arm, load_arm
 from hmtb_twin.bus.joint_log import software_versions
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.files.errors import OverloadError, TwinError
-from hmtb_twin.parameters.values import JOINTS, MOTIONS, OPERATING_POSE, SAMPLE_TIME, STUDIED_JOINTS
+from hmtb_twin.parameters.arm_description import ArmDescription
+from hmtb_twin.parameters.values import SAMPLE_TIME, Motion
 from hmtb_twin.truth.innovations import Disturbances, innovations_form
 from hmtb_twin.truth.truth import Truth
 from sysid import StateSpace
@@ -27,21 +28,21 @@ AT_INDEX = 1e-9
 """Tolerance of the angle of an indexed joint, rad: a deflected pin acts with its stiffness."""
 
 
-def check_range(angles: np.ndarray, indexed: Sequence[str]) -> None:
-    """Refuse a pose (7,), rad, that cannot be linearised: a joint at its stop, or an indexed joint off its pin."""
-    for name, angle in zip(JOINTS, angles, strict=True):
+def check_range(angles: np.ndarray, arm: ArmDescription) -> None:
+    """Refuse a pose (n,), rad, that cannot be linearised: a joint at its stop, or an indexed joint off its pin."""
+    for name, angle in zip(arm.joints, angles, strict=True):
         message = f"pose: {name} = {np.degrees(angle):g} deg given, expected"
-        if name in indexed:
+        if name in arm.indexed:
             if abs(angle - INDEX) > AT_INDEX:
                 raise TwinError(f"{message} {np.degrees(INDEX):g} deg, where its pin holds it")
-        elif not clear_of_stops(name, float(angle)):
-            low, high = np.degrees((MOTIONS[name].lower, MOTIONS[name].upper))
+        elif not clear_of_stops(arm.motions[name], float(angle)):
+            low, high = np.degrees((arm.motions[name].lower, arm.motions[name].upper))
             raise TwinError(f"{message} between {low:g} and {high:g} deg, at least {CLEARANCE:g} rad off the stops")
 
 
-def clear_of_stops(joint: str, angle: float) -> bool:
-    """Return whether a joint at an angle in rad moves freely either way."""
-    return MOTIONS[joint].lower + CLEARANCE <= angle <= MOTIONS[joint].upper - CLEARANCE
+def clear_of_stops(motion: Motion, angle: float) -> bool:
+    """Return whether a joint of a range moves freely either way at an angle in rad."""
+    return motion.lower + CLEARANCE <= angle <= motion.upper - CLEARANCE
 
 
 STEP, SPOOL_STEP = 1e-5, 1e-6
@@ -96,7 +97,7 @@ METHOD = "centred differences of the 50 Hz map"
 """Method of linearisation."""
 
 
-def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: Sequence[float] = AMPLITUDES) -> Truth:
+def linearize(arm: Arm, pose: str | np.ndarray | None = None, *, amplitudes: Sequence[float] = AMPLITUDES) -> Truth:
     """Linearise the arm at rest and lift the result to 50 Hz.
 
     One tick is x+ = f(x, u) with x joint angles, velocities and states of the drives and u commanded angle and
@@ -108,7 +109,7 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
 
     Args:
         arm: The arm, with friction or without, in free space or at the worksite: the truth is the same.
-        pose: Operating point, by name or as joint angles (7,), rad.
+        pose: Operating point, by name or as joint angles (7,), rad; the operating pose of the arm by default.
         amplitudes: Command amplitudes at which the truth is compared with simulation, rad. Without any, linearisation
             takes milliseconds, hundreds of times less.
 
@@ -117,16 +118,17 @@ def linearize(arm: Arm, pose: str | np.ndarray = OPERATING_POSE, *, amplitudes: 
 
     Raises:
         TwinError: An amplitude is not above 0 and up to `LARGEST_AMPLITUDE`, there is no such pose, the angles are not
-            seven finite numbers, a joint is out of its range or less than `joint_range.CLEARANCE` from a stop, or an
-            indexed joint is not at its index: there the stop or the pin would be linearised with the servo.
+            one finite number for each joint, a joint is out of its range or less than `joint_range.CLEARANCE` from a
+            stop, or an indexed joint is not at its index: there the stop or the pin would be linearised with the servo.
         OverloadError: The drives cannot hold the arm there, or servo valves under load let a joint sink onto its stop.
     """
     if isinstance(amplitudes, str) or not isinstance(amplitudes, Sequence | np.ndarray):
         raise TwinError(f"amplitudes = {amplitudes!r} given, expected a sequence of numbers in rad")
     smooth = sliding(arm)
-    angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose)
+    pose = arm.description.operating_pose if pose is None else pose
+    angles = smooth.pose(pose) if isinstance(pose, str) else _angles(pose, len(arm.joints))
     # Checked once more where the arm rests, which may be lower than commanded.
-    check_range(angles, arm.indexed)
+    check_range(angles, arm.description)
     path, disturbances = _sampled_model(smooth, angles)
     model = innovations_form(path, disturbances.drives, disturbances.resolvers)
     errors = {amplitude: small_signal_error(smooth, model, angles, amplitude) for amplitude in amplitudes}
@@ -153,7 +155,7 @@ def sliding(arm: Arm) -> Arm:
     return load_arm(arm.variant, arm.payload, plant=arm.plant, specimen=arm.specimen, friction=False)
 
 
-def _angles(pose: np.ndarray) -> np.ndarray:
+def _angles(pose: np.ndarray, count: int) -> np.ndarray:
     """Return a pose given by its angles (7,), rad; raises `TwinError` for anything else."""
     try:
         array = np.asarray(pose)
@@ -161,37 +163,39 @@ def _angles(pose: np.ndarray) -> np.ndarray:
         array = np.empty(0, dtype=object)
     # Numpy would also turn texts, truth values and complex numbers into floats.
     angles = array.astype(float) if array.dtype.kind in "iuf" else np.empty(0)
-    if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
-        raise TwinError(f"pose {pose!r} given, expected a name or {len(JOINTS)} finite joint angles in rad")
+    if angles.shape != (count,) or not np.isfinite(angles).all():
+        raise TwinError(f"pose {pose!r} given, expected a name or {count} finite joint angles in rad")
     return angles
 
 
 def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbances]:
     """Return the 50 Hz model from commanded to measured angles at a pose, and the noise that acts on it."""
     data = arm.rest(angles)
-    for name, angle in zip(JOINTS, data.qpos, strict=True):
-        if not clear_of_stops(name, float(angle)):
+    for name, angle in zip(arm.joints, data.qpos, strict=True):
+        if not clear_of_stops(arm.description.motions[name], float(angle)):
             raise OverloadError(
                 f"at {arm.plant.supply_pressure:g} MPa the drives let the {name.replace('_', ' ')} sink onto its stop, "
                 f"to {np.degrees(angle):g} deg"
             )
     step = SPOOL_STEP if arm.plant.actuator == "orifice" else STEP
-    A, B = sample_map(arm.model, data, step=step)
+    A, B = sample_map(arm.model, data, period=arm.description.sample_time, step=step)
     states = len(A)
     # Controls are commanded angle and feedforward torque of each joint in turn; the torque follows the command.
     torques = B[:, 1::2]
     B = B[:, 0::2] + torques @ arm.controller.gravity_gradient(angles)
-    path = _delayed(A, B, np.eye(len(JOINTS), states), arm.delays)
-    drives = np.zeros((path.order, len(JOINTS)))
+    n = len(arm.joints)
+    path = _delayed(A, B, np.eye(n, states), arm)
+    drives = np.zeros((path.order, n))
     drives[:states] = torques * arm.process_noise
     # The bus delays readings and angles alike; delayed white noise is white noise.
     recorder = arm.specimen.recorder
-    resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(len(JOINTS))
+    resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(n)
     return path, Disturbances(drives, resolvers)
 
 
-def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) -> StateSpace:
+def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, arm: Arm) -> StateSpace:
     """Append to each output the shift register of its bus delay."""
+    delays, joints = arm.delays, arm.joints
     registers = [np.eye(delay, k=-1) for delay in delays]
     shift = block_diag(*registers) if delays.any() else np.zeros((0, 0))
     # Into the first place of each register, out of its last; outputs without a delay are read directly.
@@ -213,11 +217,11 @@ def _delayed(A: np.ndarray, B: np.ndarray, C: np.ndarray, delays: np.ndarray) ->
         outputs,
         feedthrough,
         None,
-        SAMPLE_TIME,
-        input_names=tuple(f"{name} commanded" for name in JOINTS),
-        output_names=tuple(f"{name} measured" for name in JOINTS),
-        input_units=("rad",) * len(JOINTS),
-        output_units=("rad",) * len(JOINTS),
+        arm.description.sample_time,
+        input_names=tuple(f"{name} commanded" for name in joints),
+        output_names=tuple(f"{name} measured" for name in joints),
+        input_units=("rad",) * len(joints),
+        output_units=("rad",) * len(joints),
     )
 
 
@@ -249,8 +253,8 @@ def small_signal_error(arm: Arm, model: StateSpace, angles: np.ndarray, amplitud
     bits = np.random.default_rng(0).choice([-amplitude, amplitude], 40)
     offsets = np.repeat(bits, 5)
     largest_error = 0.0
-    for name in STUDIED_JOINTS:
-        j = JOINTS.index(name)
+    for name in arm.description.compared:
+        j = arm.description.joint_index(name)
         command = np.tile(angles, (len(offsets), 1))
         command[:, j] += offsets
         response = linear(model, command - angles)[:, j]
@@ -268,7 +272,7 @@ def simulated(arm: Arm, angles: np.ndarray, command: np.ndarray) -> np.ndarray:
     """Return the deviations of the delayed joint angles (N, 7) from rest at a pose under commands (N, 7), rad."""
     data = arm.rest(angles)
     start = data.qpos.copy()
-    substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
+    substeps = round(arm.description.sample_time / arm.model.opt.timestep)
     readings = np.empty_like(command)
     for k, control in enumerate(arm.controls(command)):
         # Read before the command of the same tick acts, as the recorder does.

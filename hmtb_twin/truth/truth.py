@@ -6,11 +6,11 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.errors import TwinError
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.specimen import Specimen
-from hmtb_twin.parameters.values import JOINTS, joint_index
-from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.innovations import Disturbances, innovations_form, minimal_innovations_form
 from sysid import StateSpace
 
@@ -146,6 +146,11 @@ class Truth:
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
 
     @property
+    def arm(self) -> ArmDescription:
+        """Description of the arm."""
+        return arm_named(self.variant)
+
+    @property
     def dt(self) -> float:
         """Sampling time, s."""
         return self.model.dt
@@ -176,7 +181,7 @@ class Truth:
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
         # The delay is the excess of poles over zeros: those that `modal` has left out are at the origin.
         delay_poles = np.zeros(max(0, delay - len(poles) + len(zeros)))
-        indexed = name in variant_named(self.variant).indexed
+        indexed = name in self.arm.indexed
         bandwidth = np.nan if indexed else float(path.bandwidth()[0, 0])
         return JointTruth(
             name=name,
@@ -213,11 +218,11 @@ class Truth:
         for role, names in (("commanded", commanded), ("measured", measured)):
             if isinstance(names, str) or not isinstance(names, Sequence) or not names:
                 raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
-        inputs = [joint_index(name) for name in commanded]
-        outputs = [joint_index(name) for name in measured]
+        inputs = [self.arm.joint_index(name) for name in commanded]
+        outputs = [self.arm.joint_index(name) for name in measured]
         for role, joints in (("commanded", inputs), ("measured", outputs)):
             if len(set(joints)) != len(joints):
-                names = tuple(JOINTS[j] for j in joints)
+                names = tuple(self.arm.joints[j] for j in joints)
                 raise TwinError(f"{role} = {names!r} given, expected one or more joints, each once")
         model, disturbances = self.model, self.disturbances
         # Without K: the predictor of these measurements alone follows from the disturbances.
@@ -228,8 +233,8 @@ class Truth:
             model.D[np.ix_(outputs, inputs)],
             None,
             model.dt,
-            input_names=tuple(f"{JOINTS[j]} commanded" for j in inputs),
-            output_names=tuple(f"{JOINTS[i]} measured" for i in outputs),
+            input_names=tuple(f"{self.arm.joints[j]} commanded" for j in inputs),
+            output_names=tuple(f"{self.arm.joints[i]} measured" for i in outputs),
             input_units=("rad",) * len(inputs),
             output_units=("rad",) * len(outputs),
         )

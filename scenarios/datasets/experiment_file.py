@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin import JOINTS, JointLog, simulate
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME, joint_index
-from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.data_set import DataSet
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
@@ -80,7 +80,7 @@ def signal_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog
     joints = JOINTS if spec.channels == "all" else planned.joints
     joint_columns = [joint_index(name) for name in joints]
     output_columns = [joint_index(name) for name in planned.joints]
-    bus = variant_named(planned.experiment.variant).bus
+    bus = arm_named(planned.experiment.variant).bus
     delays = np.array([bus[name].delay for name in planned.joints], dtype=np.int64)
     sample = np.arange(len(log), dtype=np.int64)
     labels = {"sample": sample, "joint": joints, "output": planned.joints, "axis": log.axes}

@@ -15,11 +15,11 @@ import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from hmtb_twin import Status
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.files.hashes import bytes_hash, file_hash
 from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
-from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.index import hash_of_records, paths_of_files
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
 from scenarios.datasets.record_block import PARTS, PAYLOAD
@@ -205,7 +205,7 @@ def _pattern(path: str) -> str:
 def _late(spec: DataSetSpec) -> list[tuple[str, int]]:
     """Joints whose angle reaches the record late on an arm of the data set, with the delay in samples."""
     variants = set(chain.from_iterable(block.variants for block in spec.records))
-    buses = [variant_named(variant).bus for variant in variants]
+    buses = [arm_named(variant).bus for variant in variants]
     delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
     return [(joint, delay) for joint, delay in delays.items() if delay]
 

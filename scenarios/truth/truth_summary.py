@@ -7,8 +7,8 @@ import numpy as np
 
 from hmtb_twin import JOINTS, NOMINAL_PLANT, Arm, JointLog, JointTruth, Truth
 from hmtb_twin.arm.arm_model import servo_law
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.parameters.drives import Actuator
-from hmtb_twin.parameters.variants import variant_named
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.attainable import Attainable, attainable
@@ -179,7 +179,7 @@ def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
 
 def hydraulic(arm: Arm) -> bool:
     """Whether all drives of the arm are hydraulic."""
-    return all(isinstance(drive, Actuator) for drive in variant_named(arm.variant).actuators.values())
+    return all(isinstance(drive, Actuator) for drive in arm_named(arm.variant).actuators.values())
 
 
 def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
@@ -191,7 +191,7 @@ def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
     """
     plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
     drives = f"{plant.actuator} actuators" if oil else "electric drives"
-    servo = servo_law(variant_named(arm.variant), plant)
+    servo = servo_law(arm_named(arm.variant), plant)
     # Whether a condition departs from the nominal one, and its description.
     conditions = [
         (plant.actuator != nominal.actuator, drives),

@@ -10,10 +10,10 @@ import pytest
 
 from hmtb_twin import Plant, Specimen, linearize, load_arm, simulate
 from hmtb_twin.arm import controller_model as controllers
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.parameters.specimen import LINK_NAMES
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions, draw_specimen
 from hmtb_twin.parameters.values import OPERATING_POSE
-from hmtb_twin.parameters.variants import variant_named
 from scenarios import load
 from tests.benchmarks.tables import bare_seconds, timed
 
@@ -44,7 +44,7 @@ def test_a_specimen_costs_what_its_compilation_costs():
     rest = _milliseconds(lambda i: arms[i].rest(arms[i].pose(OPERATING_POSE)))
     truth = _milliseconds(lambda i: linearize(load_arm(specimen=specimens[ROUNDS + i]), amplitudes=()))
     controllers.controller_model.cache_clear()
-    build = _milliseconds(lambda _: controllers.controller_model.__wrapped__("rpcm", variant_named("nominal").name))
+    build = _milliseconds(lambda _: controllers.controller_model.__wrapped__("rpcm", arm_named("nominal").name))
     print(f"\nload a specimen {own:.2f} ms, {own / plain:.2f} times a nominal arm under another plant; ", end="")
     print(
         f"rest {rest:.2f} ms; load and linearize {truth:.2f} ms; the shared controller's model {build:.2f} ms", end=""

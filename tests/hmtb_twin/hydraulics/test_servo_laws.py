@@ -16,7 +16,7 @@ from hmtb_twin.parameters.drives import ACTUATORS, Friction
 from hmtb_twin.parameters.servo_gains import servo_dynamics
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE
-from hmtb_twin.parameters.variants import VARIANTS, Variant
+from hmtb_twin.parameters.variants import VARIANTS
 from tests.hmtb_twin.altered_arms import natural_poles
 from tests.refusals import refused
 
@@ -171,7 +171,7 @@ def altered(name, **changes):
     ],
 )
 def test_hydraulics_that_cannot_be_are_refused(actuators, words):
-    refused(words, Variant, "odd", "", actuators=actuators)
+    refused(words, replace, VARIANTS["nominal"], name="odd", actuators=actuators)
 
 
 def test_seals_that_hold_a_joint_through_its_smallest_test_are_refused():

@@ -120,12 +120,12 @@ def test_what_the_drives_rub_and_run_on():
     assert not np.array_equal(worn.model.actuator_user, load_arm().model.actuator_user)
     smooth, quiet = load_arm(specimen=Specimen(dry_friction=(0.0,) * 7)), load_arm(friction=False)
     np.testing.assert_array_equal(smooth.model.actuator_user, quiet.model.actuator_user)
-    thick = Specimen(drag=(3.0,) * 7, bulk_modulus=0.5, leakage=4.0).applied("elbow_pitch", ACTUATORS["elbow_pitch"])
+    thick = Specimen(drag=(3.0,) * 7, bulk_modulus=0.5, leakage=4.0).applied(3, ACTUATORS["elbow_pitch"])
     plain = ACTUATORS["elbow_pitch"]
     assert thick.drag == pytest.approx(3.0 * plain.drag)
     assert thick.compliance == pytest.approx(2.0 * plain.compliance)
     assert thick.leakage == pytest.approx(4.0 * plain.leakage)
-    assert NOMINAL_SPECIMEN.applied("elbow_pitch", plain) is plain
+    assert NOMINAL_SPECIMEN.applied(3, plain) is plain
 
 
 @pytest.mark.parametrize(

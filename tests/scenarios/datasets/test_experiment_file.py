@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Status, simulate
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.values import RECORDER
-from hmtb_twin.parameters.variants import variant_named
 from scenarios.datasets.experiment_file import signal_contents, stored_log
 from scenarios.datasets.plan import DataSetPlan
 
@@ -57,7 +57,7 @@ def test_every_output_is_as_late_as_its_joint(tiny_spec, variant):
     entry = DataSetPlan(spec)[0]
     (log,) = simulate([entry.experiment]).logs
     signals = signal_contents(spec, entry, log).variables
-    bus = variant_named(variant).bus
+    bus = arm_named(variant).bus
     assert signals["measurement_delay"].values.tolist() == [bus[joint].delay for joint in joints]
     for column, joint in enumerate(joints):
         late, true = bus[joint].delay, log.true_angles[:, JOINTS.index(joint)]

@@ -8,9 +8,9 @@ import pytest
 
 import hmtb_twin.arm.arm
 from hmtb_twin import simulate
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.plant import Plant
 from hmtb_twin.parameters.servo_gains import ServoGains
-from hmtb_twin.parameters.variants import Variant
 from scenarios.experiments.campaign import campaign_scenario
 from scenarios.experiments.log_review import prepared
 from scenarios.experiments.model_structures import STRUCTURES
@@ -97,7 +97,7 @@ def stiffer_servo(monkeypatch):
     """An arm whose position gains are ten percent higher."""
     tuned = hmtb_twin.arm.arm.tuned_gains
 
-    def stiffer(variant: Variant, plant: Plant) -> dict[str, ServoGains]:
+    def stiffer(variant: ArmDescription, plant: Plant) -> dict[str, ServoGains]:
         return {name: own._replace(kp=1.1 * own.kp) for name, own in tuned(variant, plant).items()}
 
     monkeypatch.setattr(hmtb_twin.arm.arm, "tuned_gains", stiffer)
