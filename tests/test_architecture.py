@@ -283,7 +283,7 @@ def test_every_module_can_be_imported():
 def test_foreign_files_pass_their_one_guard():
     reading, writing = "sysid/records/foreign_files.py", "hmtb_twin/files/netcdf_writer.py"
     guards = {
-        "tomllib": {"scenarios/files/toml_file.py"},
+        "tomllib": {"hmtb_twin/files/toml_text.py"},
         "scipy.io.loadmat": {reading},
         "scipy.io.whosmat": {reading},
         "h5py": {reading, writing},

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm.arm_model import compile_arm, servo_law, tuned_gains
-from hmtb_twin.arm.controller_model import ControllerModel, controller_model
+from hmtb_twin.arm.controller_model import ControllerModel, model_of_controller
 from hmtb_twin.arm.worksite_model import LATCH_WELD
 from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.errors import OverloadError, TwinError, shown
@@ -42,6 +42,7 @@ class Arm:
         payload: Name of its payload; at the worksite, the initial payload of the end effector.
         plant: Supply, oil, friction and noise of its drives.
         specimen: Its deviations from its variant; its controller knows only the variant.
+        description: The description that it was built from.
         worksite: Whether the arm stands at its worksite: the model has contact, and the replacement unit as a free body
             behind the arm's joints.
         drives: Drive of each joint under the conditions of the plant.
@@ -55,15 +56,11 @@ class Arm:
     payload: str
     plant: Plant
     specimen: Specimen
+    description: ArmDescription
     worksite: bool
     drives: Mapping[str, Drive]
     servos: Mapping[str, Servo]
     gains: Mapping[str, ServoGains]
-
-    @property
-    def description(self) -> ArmDescription:
-        """The description that it was built from."""
-        return arm_named(self.variant)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -90,7 +87,9 @@ class Arm:
         No flow passes the valves, the oil is trapped but for the leakage; electric drives are held by their brakes.
         """
         drives = {name: drive.unpowered for name, drive in self.drives.items()}
-        model = compile_arm(self.variant, self.payload, self.plant, self.specimen, drives, self.gains, self.worksite)
+        model = compile_arm(
+            self.description, self.payload, self.plant, self.specimen, drives, self.gains, self.worksite
+        )
         # Power fails in the middle of a run: the step stays.
         model.opt.timestep = self.model.opt.timestep
         return model
@@ -271,7 +270,7 @@ class Arm:
 
 def load_arm(
     variant: str = "nominal",
-    payload: str = "rpcm",
+    payload: str | None = None,
     *,
     plant: Plant = NOMINAL_PLANT,
     specimen: Specimen = NOMINAL_SPECIMEN,
@@ -281,9 +280,10 @@ def load_arm(
     """Load the arm.
 
     Args:
-        variant: Name of the arm: one of `VARIANTS`.
-        payload: Payload of the end effector, one of `PAYLOADS`. The servo gains are always those for the RPCM. At the
-            worksite, the initial payload: "none" leaves the unit in its holster.
+        variant: The arm: one of `VARIANTS`, a name of example-robot-data as "panda", or the path of an MJCF, a URDF or
+            a folder; see `arm_named`.
+        payload: Payload of the end effector, one of the arm's; by default the one for which its servos are tuned, of
+            the test bed the RPCM. At the worksite, the initial payload: "none" leaves the unit in its holster.
         plant: Supply, oil, friction and noise of the drives.
         specimen: Deviations of this arm from its variant.
         friction: Whether the joints have the dry friction of the plant; without it the oil's drag stays, and the arm
@@ -297,12 +297,14 @@ def load_arm(
         TwinError: Unknown variant or payload, a plant or specimen that the variant cannot have, or an arm or a payload
             that does not fit the worksite.
     """
+    if payload is None:
+        payload = arm_named(variant).tuned_payload
     check_arm(variant, payload, plant, worksite=bool(worksite), specimen=specimen)
     if not friction:
         plant = plant.sliding
     # MuJoCo needs the equations for arms from the cache, too.
     install_equations()
-    return _load(variant, payload, plant, specimen, bool(worksite))
+    return _load(arm_named(variant), payload, plant, specimen, bool(worksite))
 
 
 def check_arm(
@@ -316,6 +318,8 @@ def check_arm(
         raise TwinError(f"specimen = {shown(specimen)} given, expected a Specimen, such as Specimen(payload_mass=1.1)")
     if not isinstance(payload, str) or payload not in arm.payloads:
         raise TwinError(f"unknown payload {shown(payload)}, available: {', '.join(arm.payloads)}")
+    if worksite and arm.rigid is not None:
+        raise TwinError(f"arm {variant!r} at the worksite given, expected an arm of the test bed, whose worksite it is")
     if worksite and payload not in WORKSITE_PAYLOADS:
         raise TwinError(
             f"payload {payload!r} at the worksite given, expected {' or '.join(WORKSITE_PAYLOADS)}: the seats are the "
@@ -326,6 +330,7 @@ def check_arm(
             f"variant {variant!r} at the worksite given, expected an arm on the ground: the seats hold the unit by its "
             "weight"
         )
+    specimen.check(arm)
     drives = _drives(arm, plant, specimen)
     valves = plant.actuator == "orifice" and servo_law(arm, plant) == "flow"
     outermost = arm.joints[-1]
@@ -347,21 +352,21 @@ def _drives(variant: ArmDescription, plant: Plant, specimen: Specimen) -> Mappin
 
 
 @lru_cache(maxsize=64)
-def _load(name: str, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
+def _load(variant: ArmDescription, payload: str, plant: Plant, specimen: Specimen, worksite: bool) -> Arm:
     """Assemble an arm from drives, gains and model; equal arguments give the same record."""
-    variant = arm_named(name)
     drives = _drives(variant, plant, specimen)
     # Tuned for the variant: a specimen's own weights are unknown to whoever tunes its servos.
     tuned = tuned_gains(variant, plant)
     gains = {joint: specimen.gains(place, tuned[joint]) for place, joint in enumerate(variant.joints)}
-    model = compile_arm(name, payload, plant, specimen, drives, gains, worksite)
+    model = compile_arm(variant, payload, plant, specimen, drives, gains, worksite)
     return Arm(
         model=model,
-        controller=controller_model(payload, name),
-        variant=name,
+        controller=model_of_controller(payload, variant),
+        variant=variant.name,
         payload=payload,
         plant=plant,
         specimen=specimen,
+        description=variant,
         worksite=worksite,
         drives=drives,
         servos=MappingProxyType(dict(variant.servos)),

@@ -1,14 +1,14 @@
-"""Compiles the MuJoCo model of an arm: writes bodies, drives and tuned servos into the MJCF of `models/hmtb`."""
+"""Compiles the MuJoCo model of an arm: writes bodies, drives and tuned servos into its MJCF."""
 
 from collections.abc import Mapping
+from math import ceil
 
 import mujoco
 import numpy as np
 
-from hmtb_twin.arm.controller_model import controller_model
+from hmtb_twin.arm.controller_model import model_of_controller
 from hmtb_twin.arm.rigid_bodies import write_bodies
 from hmtb_twin.arm.worksite_model import TOUCH_SENSOR, worksite_spec
-from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.hydraulics.drive_actuators import ORIFICE_STEP, add_linear_drives, add_orifice_actuators
 from hmtb_twin.parameters.arm_description import ArmDescription
@@ -23,13 +23,17 @@ STEPS = {"flow": 15, "torque": 20}
 """Physics steps of a tick in free space by servo law, where no joint is lighter than the wrist roll with the RPCM."""
 
 
+LONGEST_STEP = 0.001
+"""Longest physics step of an arm from files, s; drives and light joints may need a shorter one."""
+
+
 def servo_law(variant: ArmDescription, plant: Plant) -> str:
     """Return the servo law of an arm, "flow" or "torque"."""
     return variant.servo if plant.servo == "variant" else plant.servo
 
 
 def compile_arm(
-    name: str,
+    variant: ArmDescription,
     payload: str,
     plant: Plant,
     specimen: Specimen,
@@ -40,15 +44,14 @@ def compile_arm(
     """Compile the model of an arm.
 
     Args:
-        name: Name of the arm.
-        payload: Payload of the end effector, one of `PAYLOADS`.
+        variant: The arm.
+        payload: Payload of the end effector, one of the arm's.
         plant: Supply, oil, friction and noise of the drives.
         specimen: Deviations of the bodies from the variant's.
         drives: Drive of each joint under the conditions of the plant and on the specimen.
         gains: Gains of each joint's servo.
         worksite: Whether the arm stands at the worksite.
     """
-    variant = arm_named(name)
     spec = _spec(variant, payload, plant, specimen, worksite)
     for joint in variant.joints:
         configure_joint(spec.joint(joint), drives[joint], indexed=joint in variant.indexed)
@@ -73,6 +76,11 @@ def _spec(variant: ArmDescription, payload: str, plant: Plant, specimen: Specime
         # At the worksite the unit is a body of its own even if the end effector holds it at first.
         write_bodies(scene, variant, "rpcm", specimen)
         return scene
+    if variant.rigid is not None:
+        bodies = mujoco.MjSpec.from_string(variant.rigid.mjcf)
+        write_bodies(bodies, variant, payload, specimen)
+        bodies.option.timestep = variant.sample_time / ceil(variant.sample_time / LONGEST_STEP)
+        return bodies
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
     for key in list(spec.keys):
         # The activations of keyframes would not fit an arm without friction; `Arm.rest` computes the same state.
@@ -96,7 +104,7 @@ def tuned_gains(variant: ArmDescription, plant: Plant = NOMINAL_PLANT) -> dict[s
         TwinError: Seals hold a joint of the variant through the smallest test, a command by 1 V.
     """
     law = servo_law(variant, plant)
-    model = controller_model(variant.tuned_payload, variant.name)
+    model = model_of_controller(variant.tuned_payload, variant)
     inertia = np.diag(model.inertia_matrix(np.array(variant.poses[variant.operating_pose])))
     gains = {}
     for name, joint_inertia in zip(variant.joints, inertia, strict=True):
@@ -104,7 +112,13 @@ def tuned_gains(variant: ArmDescription, plant: Plant = NOMINAL_PLANT) -> dict[s
         tuned = servo_gains(float(joint_inertia), variant.servos[name], drive, law)
         if law == "flow" and isinstance(drive, Actuator):
             tuned = gains_for_slope(tuned, float(joint_inertia), drive, plant.load_flow_slope)
+        if name in variant.given_gains:
+            kp, kd = variant.given_gains[name]
+            tuned = tuned._replace(kp=kp, kd=kd)
         gains[name] = tuned
+    if variant.rigid is not None:
+        # How far its tests move a joint, and whether that is enough, is for whoever plans them.
+        return gains
     for name, drive in variant.actuators.items():
         # The servo has no integral action: a smaller error leaves the joint stuck.
         dead_zone = drive.breakaway_torque / gains[name].kp

@@ -1,4 +1,4 @@
-"""The controller's own model of the arm: Pinocchio on the same MJCF, never the plant itself."""
+"""The controller's own model of an arm: Pinocchio on the same MJCF, never the plant itself."""
 
 from collections.abc import Iterable
 from functools import lru_cache
@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from hmtb_twin.arm.rigid_bodies import write_controller_bodies
 from hmtb_twin.arm_files.known_arms import arm_named
-from hmtb_twin.parameters.arm_description import EARTH
+from hmtb_twin.parameters.arm_description import EARTH, ArmDescription
 from hmtb_twin.parameters.resources import model_file
 
 
@@ -102,18 +102,23 @@ class ControllerModel:
         return positions, rotations
 
 
-@lru_cache(maxsize=16)
 def controller_model(payload: str, variant: str = "nominal") -> ControllerModel:
+    """Return the controller's model of an arm with a payload, both by name; see `model_of_controller`."""
+    return model_of_controller(payload, arm_named(variant))
+
+
+@lru_cache(maxsize=16)
+def model_of_controller(payload: str, arm: ArmDescription) -> ControllerModel:
     """Return the controller's model of an arm with a payload, built once.
 
     Args:
         payload: Name of a payload of the arm.
-        variant: Name of the arm.
+        arm: The arm.
 
     Returns:
-        The model, read from `models/hmtb/hmtb.xml`; its arithmetic is shared and must not be used by several threads.
+        The model, of the same MJCF as the plant; its arithmetic is shared and must not be used by several threads.
     """
-    root = ElementTree.fromstring(model_file("hmtb/hmtb.xml").read_text(encoding="utf-8"))
-    arm = arm_named(variant)
+    mjcf = model_file("hmtb/hmtb.xml").read_text(encoding="utf-8") if arm.rigid is None else arm.rigid.mjcf
+    root = ElementTree.fromstring(mjcf)
     write_controller_bodies(root, arm, payload)
     return ControllerModel(ElementTree.tostring(root, encoding="unicode"), arm.gravity)

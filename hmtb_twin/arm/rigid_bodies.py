@@ -6,8 +6,9 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
+from hmtb_twin.arm_files.rigid_arm import PAYLOAD_BODY
 from hmtb_twin.parameters.arm_description import ArmDescription
-from hmtb_twin.parameters.payloads import PAYLOADS, Payload
+from hmtb_twin.parameters.payloads import PAYLOADS, Load, Payload
 from hmtb_twin.parameters.specimen import LINK_NAMES, NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.parameters.values import JOINTS, LINKS, Link
 
@@ -45,17 +46,21 @@ def write_bodies(
         specimen: Deviations of links and payload.
     """
     spec.option.gravity = [0.0, 0.0, -variant.gravity]
+    held = variant.payloads[payload]
+    if variant.rigid is not None:
+        if isinstance(held, Load):
+            _load(spec.body(PAYLOAD_BODY), held, specimen.payload_mass)
+        return
     for name, link in _other_links(variant):
         body = spec.body(BODIES[name])
         body.mass, body.inertia = link.mass, [link.axial_inertia, link.transverse_inertia, link.transverse_inertia]
-    held = PAYLOADS[payload]
     if held is None:
         # The body stays, without mass: MuJoCo changes a simulation's model only for one of equal size.
         empty = spec.body(UNIT)
         empty.mass, empty.inertia = 0.0, [0.0, 0.0, 0.0]
         for shape in list(empty.geoms):
             spec.delete(shape)
-    elif held != PAYLOADS["rpcm"]:
+    elif isinstance(held, Payload) and held != PAYLOADS["rpcm"]:
         unit = spec.body(UNIT)
         x, y, z = held.size
         unit.mass, unit.inertia, unit.ipos = held.mass, list(held.inertia), [x / 2, 0.0, 0.0]
@@ -63,6 +68,14 @@ def write_bodies(
         box.pos, box.size = [x / 2, 0.0, 0.0], [x / 2, y / 2, z / 2]
         marking.pos, marking.size = [x / 2, 0.0, z / 2], [0.275 * x, 0.3 * y, 0.002]
     _deviate(spec, specimen, held=held is not None)
+
+
+def _load(body: mujoco.MjsBody, held: Load, factor: float) -> None:
+    """Write a payload of any shape, its mass and inertia by a factor, into a body in the frame of the tool."""
+    moments, axes = held.principal
+    body.mass, body.ipos, body.inertia = factor * held.mass, list(held.centre), list(factor * moments)
+    mujoco.mju_mat2Quat(body.iquat, np.ascontiguousarray(axes).ravel())
+    body.explicitinertial = True
 
 
 def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
@@ -92,18 +105,22 @@ def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
 
 
 def write_controller_bodies(root: ElementTree.Element, variant: ArmDescription, payload: str) -> None:
-    """Write links, payload and rotor inertias of an arm into the tree of `hmtb.xml` for the controller's model."""
+    """Write links, payload and rotor inertias of an arm into the tree of its MJCF for the controller's model."""
     bodies = {str(body.get("name")): body for body in root.iter("body")}
-    for name, link in _other_links(variant):
-        _write_inertia(bodies[BODIES[name]], link.mass, link.length / 2, link)
     for joint in root.iter("joint"):
         # Defaults and the pin are <joint> too.
-        if joint.get("name") in JOINTS:
+        if joint.get("name") in variant.joints:
             joint.set("armature", repr(variant.actuators[str(joint.get("name"))].motor.armature))
-    held = PAYLOADS[payload]
+    held = variant.payloads[payload]
+    if variant.rigid is not None:
+        if isinstance(held, Load):
+            _write_load(bodies[PAYLOAD_BODY], held)
+        return
+    for name, link in _other_links(variant):
+        _write_inertia(bodies[BODIES[name]], link.mass, link.length / 2, link)
     if held is None:
         bodies["end_effector"].remove(bodies[UNIT])
-    elif held != PAYLOADS["rpcm"]:
+    elif isinstance(held, Payload) and held != PAYLOADS["rpcm"]:
         _write_inertia(bodies[UNIT], held.mass, held.size[0] / 2, held)
 
 
@@ -114,14 +131,29 @@ def _other_links(variant: ArmDescription) -> Iterator[tuple[str, Link]]:
             yield name, link
 
 
+def _write_load(body: ElementTree.Element, held: Load) -> None:
+    moments, axes = held.principal
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
+    inertial = _inertial(body)
+    inertial.set("mass", repr(held.mass))
+    for key, values in (("pos", held.centre), ("quat", quaternion), ("diaginertia", moments)):
+        inertial.set(key, " ".join(repr(float(value)) for value in values))
+
+
+def _inertial(body: ElementTree.Element) -> ElementTree.Element:
+    inertial = body.find("inertial")
+    if inertial is None:
+        raise ValueError(f"body {body.get('name')!r} of the MJCF has no <inertial>")
+    return inertial
+
+
 def _write_inertia(body: ElementTree.Element, mass: float, centre: float, shape: Link | Payload) -> None:
     if isinstance(shape, Payload):
         moments = shape.inertia
     else:
         moments = (shape.axial_inertia, shape.transverse_inertia, shape.transverse_inertia)
-    inertial = body.find("inertial")
-    if inertial is None:
-        raise ValueError(f"body {body.get('name')!r} of hmtb.xml has no <inertial>")
+    inertial = _inertial(body)
     # All digits: the controller must know exactly the bodies that MuJoCo simulates.
     inertial.set("mass", repr(mass))
     inertial.set("pos", f"{centre!r} 0 0")

@@ -1,7 +1,7 @@
 """Description of an arm: joints, drives, servos, bus, poses and payloads, whatever machine it is."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.payloads import Payload
+from hmtb_twin.parameters.payloads import Load, Payload
 from hmtb_twin.parameters.quantity import Provenance
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
 from hmtb_twin.parameters.values import BusTerminal, Link, Motion, Servo
@@ -61,7 +61,8 @@ class ArmDescription:
         studied: Joints on which linear models are compared with simulation; all when empty.
         sample_rate: Rate of the position loop and of the bus, Hz.
         power_unit: The pump that feeds hydraulic drives.
-        assumed: Numbers that no file gave and a rule supplied.
+        given_gains: Gains kp, N m/rad, and kd, N m s/rad, of joints whose servos are given, not tuned.
+        numbers: Numbers of the joints of an arm from files, each with its source: given, read, or assumed by a rule.
         remarks: What was done to the files that it was read from, one line each.
     """
 
@@ -74,7 +75,7 @@ class ArmDescription:
     bus: Mapping[str, BusTerminal]
     poses: Mapping[str, tuple[float, ...]]
     operating_pose: str
-    payloads: Mapping[str, Payload | None]
+    payloads: Mapping[str, Payload | Load | None]
     tuned_payload: str
     gravity: float = EARTH
     links: Mapping[str, Link] | None = None
@@ -84,7 +85,8 @@ class ArmDescription:
     studied: tuple[str, ...] = ()
     sample_rate: int = 50
     power_unit: PowerUnit = POWER_UNIT
-    assumed: tuple[Provenance, ...] = ()
+    given_gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    numbers: tuple[Provenance, ...] = ()
     remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -138,6 +140,11 @@ class ArmDescription:
     def sample_time(self) -> float:
         """Period of the position loop, s."""
         return 1.0 / self.sample_rate
+
+    @property
+    def assumed(self) -> tuple[Provenance, ...]:
+        """Numbers that no file gave and a rule supplied."""
+        return tuple(row for row in self.numbers if row.tag == "assumed")
 
     @property
     def compared(self) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.quantity import quantity
 
 
@@ -25,6 +26,42 @@ class Payload:
         pitch = self.mass * (length + height) / 12.0
         yaw = self.mass * (length + width) / 12.0
         return (roll, pitch, yaw)
+
+
+@dataclass(frozen=True)
+class Load:
+    """A payload of any shape.
+
+    Attributes:
+        mass: Its mass, kg.
+        centre: Its centre of mass in the frame of the tool (3,), m.
+        inertia: Its inertia about the centre, along the axes of the tool: xx, yy, zz, xy, xz, yz, kg m^2.
+    """
+
+    mass: float
+    centre: tuple[float, float, float]
+    inertia: tuple[float, float, float, float, float, float]
+
+    def __post_init__(self) -> None:
+        moments = self.principal[0]
+        largest = float(moments.max(initial=0.0))
+        if not 0.0 < self.mass < np.inf or not np.isfinite(self.centre).all():
+            raise TwinError(f"a payload of {self.mass:g} kg given, expected a mass above 0 kg and a finite centre")
+        # No body has a moment above the sum of the other two; a point mass has none at all.
+        if moments.min() < -1e-12 * largest or 2.0 * largest > (1.0 + 1e-9) * float(moments.sum()):
+            shown_moments = ", ".join(f"{moment:.3g}" for moment in moments)
+            raise TwinError(
+                f"a payload with principal moments {shown_moments} kg m2 given, expected none below 0, and none above "
+                "the sum of the others"
+            )
+
+    @property
+    def principal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Principal moments (3,), kg m^2, and axes as columns (3, 3), right-handed."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
+        axes[:, 0] *= np.sign(np.linalg.det(axes))
+        return moments, axes
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hmtb_twin.files.errors import TwinError, shown
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Drive, ElectricDrive
 from hmtb_twin.parameters.real_number import real_number
 from hmtb_twin.parameters.servo_gains import ServoGains
@@ -32,12 +33,15 @@ OIL = ("bulk_modulus", "leakage")
 DEVIATIONS = ("stretch", "shear", "shift")
 """Quantities that are nominally 0; all others are factors, nominally 1."""
 
+PER_JOINT = ("dry_friction", "drag", "kp", "kd")
+"""Quantities with an entry for each joint of the arm."""
+
 LENGTHS = {
     "mass": len(LINK_NAMES),
     **dict.fromkeys(DEVIATIONS, AXES * len(LINK_NAMES)),
-    **dict.fromkeys(("dry_friction", "drag", "kp", "kd"), len(JOINTS)),
+    **dict.fromkeys(PER_JOINT, len(JOINTS)),
 }
-"""Number of entries of each quantity that has one per body, axis or joint."""
+"""Number of entries of each quantity that has one per body, axis or joint, of the arms of the test bed."""
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,18 @@ class Specimen:
                 object.__setattr__(self, name, _checked_tuple(name, value, lower, upper))
             else:
                 object.__setattr__(self, name, _checked_number(name, value, lower, upper))
+
+    def check(self, arm: ArmDescription) -> None:
+        """Raise `TwinError` if an arm cannot have these deviations: other joints, or links that are not its own."""
+        for name in PER_JOINT:
+            count = len(getattr(self, name))
+            if count not in (0, len(arm.joints)):
+                raise TwinError(_wrong_number(name, count, len(arm.joints)))
+        if arm.rigid is not None and (self.mass or any(getattr(self, name) for name in DEVIATIONS)):
+            raise TwinError(
+                f"specimen: deviating links of {arm.name} given, expected those of an arm of the test bed; factors of "
+                f"joints ({', '.join(PER_JOINT)}) and of the payload apply to every arm"
+            )
 
     @property
     def deviations(self) -> Mapping[str, float | tuple[float, ...]]:
@@ -196,10 +212,9 @@ def _checked_tuple(name: str, value: object, lower: float, upper: float) -> tupl
     """Return a quantity with several entries as a tuple of floats, an empty one if all are nominal."""
     if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray):
         raise TwinError(f"specimen: {name} = {shown(value)} given, expected a tuple of numbers")
-    if len(value) not in (0, LENGTHS[name]):
-        raise TwinError(
-            f"specimen: {len(value)} entries of {name} given, expected {LENGTHS[name]}, or none where nothing deviates"
-        )
+    # How many joints an arm has is known when it is loaded.
+    if name not in PER_JOINT and len(value) not in (0, LENGTHS[name]):
+        raise TwinError(_wrong_number(name, len(value), LENGTHS[name]))
     factors = []
     for i, factor in enumerate(value):
         factors.append(_checked_number(f"{name}[{i}]", factor, lower, upper))
@@ -207,6 +222,10 @@ def _checked_tuple(name: str, value: object, lower: float, upper: float) -> tupl
     # Equal arms are equal records, whichever way they were written.
     deviates = any(factor != nominal for factor in factors)
     return tuple(factors) if deviates else ()
+
+
+def _wrong_number(name: str, count: int, expected: int) -> str:
+    return f"specimen: {count} entries of {name} given, expected {expected}, or none where nothing deviates"
 
 
 def _checked_number(name: str, value: object, lower: float, upper: float) -> float:

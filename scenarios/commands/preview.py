@@ -19,6 +19,7 @@ def preview(
     out: Path = Path("."),
     duration: float | None = None,
     seed: int | None = None,
+    arm: str | None = None,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -32,6 +33,7 @@ def preview(
         out: Folder for the plots, NAME-preview.png.
         duration: Length of every experiment instead of the scenario's own, s.
         seed: Seed of the noise, as for hmtb simulate; the scenario's own when not given.
+        arm: The arm instead of the scenarios' own, by name or path, as for hmtb simulate.
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
@@ -41,7 +43,7 @@ def preview(
     from scenarios.report.figures import save_figure
 
     records = {}
-    scenarios = {scenario.name: scenario for scenario in selected(names, duration=duration, seed=seed)}
+    scenarios = {scenario.name: scenario for scenario in selected(names, duration=duration, seed=seed, arm=arm)}
     files = {name: f"{name}-preview.png" for name in scenarios}
     with output_folder(out, *files.values(), overwrite=overwrite) as folder:
         for name, scenario in scenarios.items():
@@ -56,7 +58,7 @@ def preview(
     if json:
         print_json({"previews": records})
     else:
-        options = {"names": names, "out": out, "duration": duration, "seed": seed}
+        options = {"names": names, "out": out, "duration": duration, "seed": seed, "arm": arm}
         say(f"next: {command_line('hmtb simulate', simulate, options)}")
     return 0
 

@@ -32,6 +32,7 @@ def simulate(
     format: str = "nc",
     duration: float | None = None,
     seed: int | None = None,
+    arm: str | None = None,
     threads: int | None = None,
     dropped: float = 0.0,
     invalid: float = 0.0,
@@ -51,6 +52,8 @@ def simulate(
             1553 (IRIG 106 Chapter 10: NAME.ch10, or run-1.ch10, run-2.ch10, ... of five tests each).
         duration: Length of every record instead of the scenario's own, s.
         seed: Seed of the noise; the scenario's own when not given. The same seed gives the same bits.
+        arm: The arm instead of the scenarios' own: a variant of the test bed, another arm by name (panda), or the path
+            of an MJCF, a URDF or a folder. hmtb scenarios --arm ARM lists its own tests.
         threads: Threads to use; the logs do not depend on it.
         dropped: Probability that the recorder of the 1553 bus misses a message.
         invalid: Probability that a data word on the bus fails its parity check.
@@ -70,7 +73,7 @@ def simulate(
     faults = {"dropped": dropped, "invalid": invalid, "silent": silent}
     _check_bus(formats, faults)
     scenarios: dict[str, Scenario] = {}
-    for scenario in selected(names, duration=duration, seed=seed):
+    for scenario in selected(names, duration=duration, seed=seed, arm=arm):
         if scenario.name in scenarios:
             raise ScenarioError(f"scenario {scenario.name!r} is named twice; each log needs a name of its own")
         scenarios[scenario.name] = scenario

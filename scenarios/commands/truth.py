@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from hmtb_twin import Arm, JointLog
+    from hmtb_twin.parameters.arm_description import ArmDescription
     from scenarios.truth.maps import Density
     from scenarios.truth.truth_summary import TruthSummary
 
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 def truth(
     *,
     variant: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
+    arm: Annotated[str | None, tyro.conf.arg(metavar="NAME|PATH")] = None,
     payload: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
     pose: Annotated[str | None, tyro.conf.arg(metavar="NAME|DEG,DEG,...")] = None,
     actuator: Annotated[str | None, tyro.conf.arg(metavar="linear|orifice")] = None,
@@ -78,7 +80,9 @@ def truth(
 
     Args:
         variant: Which arm: nominal (when not given), published, flight or released.
-        payload: What the end effector holds: rpcm (the module, when not given), none, ballast or mdm.
+        arm: Another arm by name (panda), or the path of an MJCF, a URDF or a folder; the numbers that its files leave
+            out are assumed, and listed below the table.
+        payload: What the end effector holds: of the test bed rpcm (the module, when not given), none, ballast or mdm.
         pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
             separated by commas.
         actuator: Linear law of load and flow (when not given), or servo valves with square-root orifices.
@@ -117,7 +121,9 @@ def truth(
         "process_noise": process_noise,
         "load_flow_slope": load_flow_slope,
     }
-    stated = {"variant": variant, "payload": payload, "pose": pose, **conditions}
+    if arm is not None and variant is not None:
+        raise ScenarioError(f"--arm {arm} and --variant {variant} given, expected one of them: both name the arm")
+    stated = {"variant": arm if variant is None else variant, "payload": payload, "pose": pose, **conditions}
     stated = {name: value for name, value in stated.items() if value is not None}
     # Refused before the arm is linearised, which takes seconds.
     check_seed(seed)
@@ -130,11 +136,11 @@ def truth(
         raise ScenarioError(f"--out {out} given with --maps, expected a folder for figures, tables and a page")
     if out is not None and not maps:
         check_figure(out, overwrite=overwrite)
-    arm, point, log = _arm_of_options(stated) if data is None else _arm_of_log(data, stated)
+    loaded, point, log = _arm_of_options(stated) if data is None else _arm_of_log(data, stated)
     # Experiments and maps name their pose.
     if (bla is not None or maps) and not isinstance(point, str):
         raise ScenarioError("--bla and --maps start from a pose of the model; give --pose a name, not angles")
-    summary = truth_summary(arm, linearize(arm, point))
+    summary = truth_summary(loaded, linearize(loaded, point))
     if bla is not None:
         summary = _with_best_linear(summary, bla, seed, threads)
     if log is not None:
@@ -164,31 +170,32 @@ def _arm_of_options(stated: Mapping[str, Any]) -> "tuple[Arm, Pose, None]":
     from dataclasses import replace
 
     from hmtb_twin import NOMINAL_PLANT, load_arm
-    from hmtb_twin.parameters.values import OPERATING_POSE
+    from hmtb_twin.arm_files.known_arms import arm_named
 
     conditions = {name: stated[name] for name in vars(NOMINAL_PLANT) if name in stated}
     plant = replace(NOMINAL_PLANT, **conditions)
-    point = _point(stated.get("pose") or OPERATING_POSE)
-    arm = load_arm(stated.get("variant") or "nominal", stated.get("payload") or "rpcm", plant=plant)
+    description = arm_named(stated.get("variant") or "nominal")
+    point = _point(stated.get("pose") or description.operating_pose, description)
+    arm = load_arm(stated.get("variant") or "nominal", stated.get("payload"), plant=plant)
     return arm, point, None
 
 
-def _point(pose: str) -> "Pose":
-    """A pose by name, or angles in rad from degrees separated by commas."""
+def _point(pose: str, arm: "ArmDescription") -> "Pose":
+    """A pose of an arm by name, or angles in rad from degrees separated by commas."""
     import numpy as np
 
-    from hmtb_twin import JOINTS, POSES
-
-    expected = f"{len(JOINTS)} angles in degrees, separated by commas: {', '.join(JOINTS)}"
-    if "," not in pose:
-        if pose not in POSES:
-            raise ScenarioError(f"{unknown('pose', pose, POSES)}; or {expected}")
+    joints = arm.joints
+    expected = f"{len(joints)} angles in degrees, separated by commas: {', '.join(joints)}"
+    # A single angle has no comma.
+    if "," not in pose and (len(joints) > 1 or pose in arm.poses):
+        if pose not in arm.poses:
+            raise ScenarioError(f"{unknown('pose', pose, arm.poses)}; or {expected}")
         return pose
     try:
         angles = np.radians([float(word) for word in pose.split(",")])
     except ValueError:
         angles = np.empty(0)
-    if angles.shape != (len(JOINTS),) or not np.isfinite(angles).all():
+    if angles.shape != (len(joints),) or not np.isfinite(angles).all():
         raise ScenarioError(f"pose {pose!r} given, expected a name or {expected}")
     return angles
 

@@ -72,9 +72,9 @@ class Excitation:
         rate = self.repeat_frequency
         return waveform if rate is None else replace(waveform, update_rate=POINTS * rate)
 
-    def requested_volts(self, duration: float) -> np.ndarray:
-        """Voltage that the file requests of the converter `(N, 1)`, V, at 50 Hz."""
-        return self.waveform().play(duration, iterations=self.iterations)
+    def requested_volts(self, duration: float, *, rate: int = SAMPLE_RATE) -> np.ndarray:
+        """Voltage that the file requests of the converter `(N, 1)`, V, at the rate of the position loop in Hz."""
+        return self.waveform().play(duration, iterations=self.iterations, rate=rate)
 
     @property
     def misses_points(self) -> bool:

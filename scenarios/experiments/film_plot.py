@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from hmtb_twin import JOINTS, JointLog
+from hmtb_twin import JointLog
 from sysid.plots import GRID, INK, Style
 
 COMMAND = Style("#56b4e9", "-", 1.2)
@@ -33,10 +33,10 @@ DPI = 100.0
 
 def plotted_joints(log: JointLog, interval: slice) -> list[str]:
     """Excited joints, or all where the tool is moved: the `MOST` with the largest commands in an interval of a log."""
-    swing = dict(zip(JOINTS, np.ptp(log.commanded[interval], axis=0), strict=True))
-    excited = [joint for joint in JOINTS if joint in log.axes] or list(JOINTS)
+    swing = dict(zip(log.joints, np.ptp(log.commanded[interval], axis=0), strict=True))
+    excited = [joint for joint in log.joints if joint in log.axes] or list(log.joints)
     largest = sorted(excited, key=swing.__getitem__, reverse=True)[:MOST]
-    return [joint for joint in JOINTS if joint in largest]
+    return [joint for joint in log.joints if joint in largest]
 
 
 class MotionPlot:
@@ -61,7 +61,7 @@ class MotionPlot:
         figure = Figure(figsize=inches, dpi=scale * DPI, layout="constrained")
         canvas = FigureCanvasAgg(figure)
         panels = figure.subplots(len(joints), 1, sharex=True, squeeze=False)[:, 0]
-        columns = [JOINTS.index(joint) for joint in joints]
+        columns = [log.joint_index(joint) for joint in joints]
         in_degrees = bool(np.ptp(log.commanded[interval][:, columns], axis=0).max() > LARGE)
         lines = []
         for axes, joint in zip(panels, joints, strict=True):
@@ -93,7 +93,7 @@ class MotionPlot:
 
 def _draw_joint(axes: Axes, log: JointLog, joint: str, interval: slice, *, in_degrees: bool) -> list[Line2D]:
     """Draw measured angle and command of a joint, in degrees or as a change in mrad; return both curves."""
-    column = JOINTS.index(joint)
+    column = log.joint_index(joint)
     time = np.arange(len(log))[interval] * log.dt
     commanded, measured = log.commanded[interval, column], log.measured[interval, column]
     name = joint.replace("_", " ")

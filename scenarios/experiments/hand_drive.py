@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog, Motion, View
+from hmtb_twin import JointLog, Motion, View
 from hmtb_twin.control.modes import TOOL_AXES
 from hmtb_twin.run.live_run import Frame
 from scenarios.experiments.log_review import status_words
@@ -102,7 +102,7 @@ def displays(frame: Frame, driven: Drive | None) -> list[str]:
 def drive_recipe(log: JointLog, path: str) -> Recipe:
     """What to do with the record of a drive, a file, without the page."""
     # The joint whose command moved most has the most to identify from.
-    joint = JOINTS[int(np.ptp(log.commanded, axis=0).argmax())]
+    joint = log.joints[int(np.ptp(log.commanded, axis=0).argmax())]
     commands = [
         ("hmtb", "identify", path, "--joint", joint),
         ("hmtb", "view", path),

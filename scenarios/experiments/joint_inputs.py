@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, Experiment
-from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin import Experiment
+from hmtb_twin.arm_files.known_arms import arm_named
+from hmtb_twin.parameters.arm_description import ArmDescription
 from scenarios.experiments.log_review import SETTLING
 from sysid.validation.input_independence import LIMIT, InputIndependence, input_independence
 
@@ -58,24 +59,28 @@ class JointInputs(InputIndependence):
 def moved_joints(experiment: Experiment) -> tuple[str, ...]:
     """Return the joints that an experiment can identify: its axes, or in Cartesian mode the three of the thesis.
 
-    The wrist moves too, to hold the orientation, but three translations move at most three joints independently.
+    The wrist moves too, to hold the orientation, but three translations move at most three joints independently; of
+    another arm all joints are named.
     """
     # Axes of Cartesian modes are directions of the tool.
-    return STUDIED_JOINTS if experiment.mode.startswith("cartesian") else tuple(experiment.axes)
+    if experiment.mode.startswith("cartesian"):
+        return arm_named(experiment.variant).compared
+    return tuple(experiment.axes)
 
 
-def joint_inputs(commands: np.ndarray, joints: tuple[str, ...]) -> JointInputs | None:
+def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], arm: ArmDescription) -> JointInputs | None:
     """Measure how independently those of the joints that move are commanded.
 
     Args:
-        commands: Commanded angles (N, 7), rad.
+        commands: Commanded angles (N, n), rad.
         joints: The joints.
+        arm: The arm.
 
     Returns:
         The measures; None if fewer than two joints move, or the record is too short.
     """
-    moving = [joint for joint in joints if np.ptp(commands[:, JOINTS.index(joint)]) > STILL]
-    columns = [JOINTS.index(joint) for joint in moving]
+    moving = [joint for joint in joints if np.ptp(commands[:, arm.joint_index(joint)]) > STILL]
+    columns = [arm.joint_index(joint) for joint in moving]
     measures = input_independence(commands[:, columns], moving, lags=LAGS)
     return None if measures is None else JointInputs(**vars(measures))
 
@@ -84,7 +89,8 @@ def settled_inputs(commands: np.ndarray, experiment: Experiment) -> JointInputs 
     """Return `joint_inputs` of the settled part of the commands (N, 7), rad; None also with an operator."""
     if experiment.operator() is not None:
         return None
-    start = round(SETTLING / SAMPLE_TIME)
+    arm = arm_named(experiment.variant)
+    start = round(SETTLING * arm.sample_rate)
     if len(commands) > 2 * start:  # of shorter records too little would be left
         commands = commands[start:]
-    return joint_inputs(commands, moved_joints(experiment))
+    return joint_inputs(commands, moved_joints(experiment), arm)

@@ -46,8 +46,8 @@ class Presentation:
 
 def moved_joints(log: JointLog) -> tuple[str, ...]:
     """Joints whose command moves; all of them if none does."""
-    ranges = zip(JOINTS, np.ptp(log.felt, axis=0), strict=True)
-    return tuple(joint for joint, reach in ranges if reach > STILL) or JOINTS
+    ranges = zip(log.joints, np.ptp(log.felt, axis=0), strict=True)
+    return tuple(joint for joint, reach in ranges if reach > STILL) or log.joints
 
 
 def present_log(log: JointLog, place: str = "") -> Presentation:

@@ -5,9 +5,8 @@ from math import degrees
 
 import numpy as np
 
-from hmtb_twin import JOINTS, Status, load_arm
+from hmtb_twin import Status, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import MOTIONS, SAMPLE_TIME
 from hmtb_twin.run.experiment_row import prepare
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import STILL, JointInputs, settled_inputs
@@ -62,26 +61,30 @@ class Preview:
     @property
     def duration(self) -> float:
         """Length of the preview, s."""
-        return len(self.commands) * SAMPLE_TIME
+        return len(self.commands) * self.scenario.arm.sample_time
 
     @property
     def rates(self) -> np.ndarray:
         """Rates of the commands (N - 1, 7), rad/s."""
-        return np.diff(self.commands, axis=0) / SAMPLE_TIME
+        return np.diff(self.commands, axis=0) / self.scenario.arm.sample_time
 
     @property
     def moving(self) -> tuple[str, ...]:
         """Joints that the commands move by more than rounding."""
-        ranges = zip(JOINTS, np.ptp(self.commands, axis=0), strict=True)
+        ranges = zip(self.scenario.arm.joints, np.ptp(self.commands, axis=0), strict=True)
         return tuple(joint for joint, reach in ranges if reach > STILL)
+
+    def column(self, joint: str) -> int:
+        """Return the column of a joint in the commands."""
+        return self.scenario.arm.joint_index(joint)
 
     def peak_rate(self, joint: str) -> float:
         """Return the largest rate of a joint's command, rad/s."""
-        return float(np.abs(self.rates[:, JOINTS.index(joint)]).max(initial=0.0))
+        return float(np.abs(self.rates[:, self.column(joint)]).max(initial=0.0))
 
     def margin(self, joint: str) -> float:
         """Return the smallest distance of a joint's command from the ends of its range, rad."""
-        command, motion = self.commands[:, JOINTS.index(joint)], MOTIONS[joint]
+        command, motion = self.commands[:, self.column(joint)], self.scenario.arm.motions[joint]
         return float(min(command.min() - motion.lower, motion.upper - command.max()))
 
     def share(self, flag: Status) -> float:
@@ -117,7 +120,7 @@ class Preview:
         rows = []
         for joint in self.moving:
             peak_rate = f"{degrees(self.peak_rate(joint)):.1f} deg/s"
-            limit = f"{degrees(self.velocity_limits[JOINTS.index(joint)]):.1f} deg/s"
+            limit = f"{degrees(self.velocity_limits[self.column(joint)]):.1f} deg/s"
             rows.append((joint, peak_rate, limit, f"{degrees(self.margin(joint)):.1f} deg"))
         columns = ("joint", "peak rate", "limit", "distance from the range's end")
         return ResultTable(f"{self.scenario.name}: {length}, {mode} mode, axes {axes}", columns, rows)
@@ -128,7 +131,7 @@ class Preview:
         for joint in self.moving:
             joints[joint] = {
                 "peak_rate_rad_s": self.peak_rate(joint),
-                "velocity_limit_rad_s": self.velocity_limits[JOINTS.index(joint)],
+                "velocity_limit_rad_s": self.velocity_limits[self.column(joint)],
                 "range_margin_rad": self.margin(joint),
             }
         return {

@@ -4,8 +4,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hmtb_twin import JOINTS, Status
-from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin import Status
 from scenarios.experiments.preview import Preview
 from scenarios.experiments.waveform import Waveform
 from sysid.plots.palette import BOUND, PALETTE
@@ -51,8 +50,9 @@ WINDOW = 8.0
 
 def preview_figure(preview: Preview) -> Figure:
     """Draw the first seconds of the commands of an experiment: volts, angles, rates and tool."""
-    count = min(len(preview.commands), round(WINDOW / SAMPLE_TIME))
-    time = np.arange(count) * SAMPLE_TIME
+    sample_time = preview.scenario.arm.sample_time
+    count = min(len(preview.commands), round(WINDOW / sample_time))
+    time = np.arange(count) * sample_time
     moving = preview.moving
     figure, grid = panels(4, 1, (8.0, 9.0), sharex=True)
     volts, angles, rates, tool = grid[:, 0]
@@ -63,7 +63,7 @@ def preview_figure(preview: Preview) -> Figure:
     speeds = np.degrees(preview.rates[:count])
     limits = set[float]()
     for index, joint in enumerate(moving):
-        column = JOINTS.index(joint)
+        column = preview.column(joint)
         _held_curve(angles, time, shown[:, column], index, joint.replace("_", " "))
         _held_curve(rates, time[: len(speeds)], speeds[:, column], index, joint.replace("_", " "))
         limits.add(float(np.degrees(preview.velocity_limits[column])))
@@ -78,7 +78,7 @@ def preview_figure(preview: Preview) -> Figure:
     rates.set(ylabel="its rate / (deg/s)")
     for index, axis in enumerate("xyz"):
         _held_curve(tool, time, 1000.0 * preview.tool[:count, index], index, axis)
-    tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], SAMPLE_TIME)))
+    tool.set(ylabel="tool, own frame / mm", xlabel="time / s", xlim=(0.0, max(time[-1], sample_time)))
     for axes in (volts, angles, tool):
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, frameon=False)
@@ -92,7 +92,7 @@ def preview_figure(preview: Preview) -> Figure:
     )
     share = 100.0 * preview.velocity_limited
     figure.suptitle(
-        f"{preview.scenario.name}, first {count * SAMPLE_TIME:g} s: {share:.3g} % at the velocity limit",
+        f"{preview.scenario.name}, first {count * sample_time:g} s: {share:.3g} % at the velocity limit",
         x=0.01,
         ha="left",
         fontsize=11,

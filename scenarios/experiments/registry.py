@@ -16,6 +16,9 @@ from scenarios.files.toml_file import package_table
 if TYPE_CHECKING:
     from scenarios.experiments.scenario import Scenario
 
+VARIANT_NAMES = ("nominal", "published", "flight", "released")
+"""Arms of the test bed, whose tests are registered: a list of names needs no laboratory."""
+
 Table = dict[str, Any]
 """A scenario as its TOML file holds it; each has a name, axes, a duration, a description and tags."""
 
@@ -158,20 +161,40 @@ def tags() -> tuple[str, ...]:
     return tuple(dict.fromkeys(chain.from_iterable(table["tags"] for table in registered().values())))
 
 
-def selected(words: Sequence[str], *, duration: float | None = None, seed: int | None = None) -> "list[Scenario]":
+def tests_of(arm: str) -> Mapping[str, Table]:
+    """The tests of an arm, by name or from its files, by their names.
+
+    Raises:
+        ScenarioError: There is no such arm, or its files are wrong.
+    """
+    # Here, because they load the laboratory.
+    from scenarios.experiments.arm_tests import arm_tests
+    from scenarios.experiments.scenario import known_arm
+
+    return {table["name"]: table for table in arm_tests(known_arm(arm))}
+
+
+def selected(
+    words: Sequence[str], *, duration: float | None = None, seed: int | None = None, arm: str | None = None
+) -> "list[Scenario]":
     """Scenarios by words: registered names, tags, TOML files.
 
     Args:
         words: The words.
         duration: Length instead of their own, s.
         seed: Draws other noise.
+        arm: The arm instead of their own; its own tests are known by name too.
 
     Raises:
         ScenarioError: There is no word, a word names nothing, or a file is wrong.
     """
     found_names: list[str] = []
+    of_arm = {} if arm is None else tests_of(arm)
     for word in words:
-        if word in tags():
+        tagged = [name for name, table in of_arm.items() if word in table["tags"]]
+        if tagged:
+            found_names += tagged
+        elif word in tags() and not of_arm:
             found_names += names(word)
         else:
             found_names.append(word)
@@ -179,16 +202,19 @@ def selected(words: Sequence[str], *, duration: float | None = None, seed: int |
         raise ScenarioError(
             f"no scenario named; there are {len(names())}, listed by: hmtb scenarios list; tags: {', '.join(tags())}"
         )
-    return [load(name, duration=duration, seed=seed) for name in found_names]
+    return [load(name, duration=duration, seed=seed, arm=arm) for name in found_names]
 
 
-def load(name: str | Path, *, duration: float | None = None, seed: int | None = None) -> "Scenario":
+def load(
+    name: str | Path, *, duration: float | None = None, seed: int | None = None, arm: str | None = None
+) -> "Scenario":
     """A registered scenario by name, or one from a TOML file.
 
     Args:
-        name: A registered name, or a path that ends in `.toml`.
+        name: A registered name, a test of the arm, or a path that ends in `.toml`.
         duration: Length instead of its own, s.
         seed: Draws other noise.
+        arm: The arm instead of its own: a variant of the test bed, the name of another arm, or a path of its files.
 
     Raises:
         ScenarioError: There is no such scenario or file, or the file is wrong.
@@ -197,10 +223,19 @@ def load(name: str | Path, *, duration: float | None = None, seed: int | None = 
     from scenarios.experiments.scenario import Scenario
 
     # A registered name has no ending: what ends so is a file, even if it is missing.
+    of_arm = {} if arm is None else tests_of(arm)
     if str(name).endswith(".toml"):
         scenario = Scenario.read(name)
+        if arm is not None:
+            scenario = on_arm(scenario, arm)
+    elif str(name) in of_arm:
+        scenario = Scenario.from_table(of_arm[str(name)])
+    elif arm is not None and arm not in VARIANT_NAMES:
+        raise ScenarioError(unknown(f"test of the arm {arm}", name, of_arm, listing=f"hmtb scenarios --arm {arm}"))
     elif str(name) in registered():
         scenario = Scenario.from_table(registered()[str(name)])
+        if arm is not None:
+            scenario = replace(scenario, variant=arm)
     else:
         raise ScenarioError(unknown("scenario", name, registered(), listing="hmtb scenarios list"))
     if duration is not None:
@@ -208,3 +243,17 @@ def load(name: str | Path, *, duration: float | None = None, seed: int | None = 
     if seed is not None:
         scenario = scenario.reseeded(seed)
     return scenario
+
+
+def on_arm(scenario: "Scenario", arm: str) -> "Scenario":
+    """Return an experiment on another arm, with that arm's payload and pose where it has none of the same name.
+
+    Raises:
+        ScenarioError: There is no such arm, or it has no such axes.
+    """
+    from scenarios.experiments.scenario import known_arm
+
+    description = known_arm(arm)
+    payload = scenario.payload if scenario.payload in description.payloads else description.tuned_payload
+    pose = scenario.pose if scenario.pose in description.poses else description.operating_pose
+    return replace(scenario, variant=arm, payload=payload, pose=pose)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from hmtb_twin import JointLog, Status
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.bus.shutdown_intervals import ShutdownInterval, shutdown_intervals
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import SAMPLE_TIME
 from scenarios.experiments.excitation_computer import MISSES_POINTS
 from scenarios.experiments.joint_inputs import JointInputs, settled_inputs
 from scenarios.experiments.log_review import velocity_limited_share
@@ -95,9 +95,10 @@ def log_summary(log: JointLog) -> LogSummary:
     Raises:
         ScenarioError: It has no ticks at 50 Hz, or values that are no numbers.
     """
-    if abs(log.dt - SAMPLE_TIME) > 1e-9 or not len(log):
+    sample_time = arm_named(log.provenance.get("variant", "nominal")).sample_time
+    if abs(log.dt - sample_time) > 1e-9 or not len(log):
         raise ScenarioError(
-            f"{log.name}: {len(log)} samples every {log.dt:g} s given, expected some every {SAMPLE_TIME} s"
+            f"{log.name}: {len(log)} samples every {log.dt:g} s given, expected some every {sample_time} s"
         )
     for channel in ("commanded", "measured", "true_angles", "wrench", "load_pressure"):
         if not np.isfinite(getattr(log, channel)).all():

@@ -13,8 +13,6 @@ from hmtb_twin import (
     MODES,
     NOMINAL_PLANT,
     NOMINAL_SPECIMEN,
-    PAYLOADS,
-    POSES,
     VARIANTS,
     Chain,
     HandController,
@@ -25,10 +23,12 @@ from hmtb_twin import (
     TwinError,
 )
 from hmtb_twin.arm.arm import check_arm
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.control_station import payload_exchanges, servo_power
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import axis_names
-from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.arm_description import ArmDescription
+from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.experiments.excitation_computer import Excitation, check_outputs
 from scenarios.experiments.rpcm import check_task, task_operator
 from scenarios.experiments.waveform import LONGEST, check_seed
@@ -47,9 +47,6 @@ NOMINAL: Mapping[str, object] = {
 }
 """Nominal records of a scenario; files hold only what differs from them."""
 
-CHOICES: Mapping[str, Iterable[str]] = {"variant": VARIANTS, "payload": PAYLOADS, "pose": POSES, "mode": MODES}
-"""Names that the laboratory knows, by field."""
-
 
 @dataclass(frozen=True)
 class Scenario:
@@ -61,7 +58,8 @@ class Scenario:
         excitation: One entry, played on every axis, or one per axis; none if an operator has a task.
         duration: Length of the record, s.
         seed: Draws the noise of the hand controller and of the sensors.
-        variant: Variant of the arm, e.g. ``"nominal"``.
+        variant: The arm: a variant of the test bed, e.g. ``"nominal"``, another arm by name, or a path; TOML files may
+            call it `arm`.
         payload: Payload of the end effector, e.g. ``"rpcm"``.
         pose: Keyframe of the operating point.
         mode: Control mode, e.g. ``"single_joint"``.
@@ -112,9 +110,11 @@ class Scenario:
             raise ScenarioError(f"scenario {self.name!r}: {error}") from error
 
     def _check(self) -> None:
-        for attribute, choices in CHOICES.items():
-            if getattr(self, attribute) not in choices:
-                raise ScenarioError(unknown(attribute, getattr(self, attribute), choices))
+        arm = known_arm(self.variant)
+        choices: Mapping[str, Iterable[str]] = {"payload": arm.payloads, "pose": arm.poses, "mode": MODES}
+        for attribute, available in choices.items():
+            if getattr(self, attribute) not in available:
+                raise ScenarioError(unknown(attribute, getattr(self, attribute), available))
         axes_of_mode = axis_names(self.mode, self.variant)
         for name in self.axes:
             if name not in axes_of_mode:
@@ -126,12 +126,12 @@ class Scenario:
         # Subclasses that are driven by hand have an operator and neither task nor excitation.
         elif self.excitation or not self.has_own_operator:
             check_outputs(self.excitation, self.axes, self.independent_channels)
-        if not SAMPLE_TIME <= self.duration <= LONGEST:
-            raise ScenarioError(f"expected a duration of {SAMPLE_TIME} to {LONGEST:g} s, given {self.duration}")
-        ticks = round(SAMPLE_RATE * self.duration)
+        if not arm.sample_time <= self.duration <= LONGEST:
+            raise ScenarioError(f"expected a duration of {arm.sample_time} to {LONGEST:g} s, given {self.duration}")
+        ticks = round(arm.sample_rate * self.duration)
         # Called for their errors: a bad time is refused before any simulation.
-        servo_power(self.shutdown, ticks)
-        payload_exchanges(self, ticks)
+        servo_power(self.shutdown, ticks, arm.sample_rate)
+        payload_exchanges(self, ticks, arm.sample_rate)
         check_seed(self.seed)
         for payload in (self.payload, *(change.payload for change in self.payload_changes)):
             check_arm(self.variant, payload, self.plant, worksite=self.worksite, specimen=self.specimen)
@@ -140,16 +140,16 @@ class Scenario:
         """Play the excitation through the excitation computer's converter.
 
         Returns:
-            Volts `(N, len(axes))` at 50 Hz, `N = round(50 * duration)`, before noise and bias; zero where an operator
-            moves the stick.
+            Volts `(N, len(axes))` at the rate of the position loop, `N = round(rate * duration)`, before noise and
+            bias; zero where an operator moves the stick.
         """
         return BOARD.convert(self.requested_volts(), rounds=self.chain.dac)
 
     def requested_volts(self) -> np.ndarray:
         """Voltages that the files request of the converter, before its range and rounding; otherwise as `volts`."""
         if not self.excitation:
-            return np.zeros((round(SAMPLE_RATE * self.duration), len(self.axes)))
-        columns = [signal.requested_volts(self.duration) for signal in self.excitation]
+            return np.zeros((round(self.sample_rate * self.duration), len(self.axes)))
+        columns = [signal.requested_volts(self.duration, rate=self.sample_rate) for signal in self.excitation]
         if len(columns) == 1:
             columns = columns * len(self.axes)
         return np.hstack(columns)
@@ -199,10 +199,20 @@ class Scenario:
         return task_operator(self.task, self.seed, self.hand_controller) if self.task else None
 
     @property
+    def arm(self) -> ArmDescription:
+        """Description of its arm."""
+        return arm_named(self.variant)
+
+    @property
+    def sample_rate(self) -> int:
+        """Rate of the position loop, Hz."""
+        return self.arm.sample_rate
+
+    @property
     def period(self) -> int:
         """Samples after which the command repeats but for noise: of all waveforms, as the hold samples them."""
         hold = self.hand_controller.hold if self.chain.hold else 1
-        periods = [round(SAMPLE_RATE * signal.waveform().period) for signal in self.excitation]
+        periods = [round(self.sample_rate * signal.waveform().period) for signal in self.excitation]
         return int(np.lcm.reduce([hold, *periods]))
 
     @property
@@ -245,7 +255,7 @@ class Scenario:
     @classmethod
     def from_table(cls, table: Mapping[str, Any], *, folder: Path = Path()) -> "Scenario":
         """Build a scenario from parsed TOML; see `from_toml`."""
-        values = dict(table)
+        values = _with_arm(table)
         if "excitation" in values:
             tables = values["excitation"]
             if not isinstance(tables, list):
@@ -266,3 +276,33 @@ class Scenario:
         except (OSError, UnicodeDecodeError) as error:
             raise ScenarioError(f"cannot read scenario file {str(path)!r}: {error}") from error
         return cls.from_toml(toml, source=str(path), folder=Path(path).parent)
+
+
+def known_arm(name: str) -> ArmDescription:
+    """Return an arm by name or from its files.
+
+    Raises:
+        ScenarioError: There is no such arm, or its files are wrong.
+    """
+    try:
+        return arm_named(name)
+    except TwinError as error:
+        # A name that resembles one of the test bed's gets a suggestion.
+        if isinstance(name, str) and "/" not in name and str(error).startswith("unknown variant"):
+            raise ScenarioError(f"{unknown('variant', name, VARIANTS)}; {str(error).partition('; ')[2]}") from error
+        raise ScenarioError(str(error)) from error
+
+
+def _with_arm(table: Mapping[str, Any]) -> dict[str, Any]:
+    """A table in which `arm` stands for the variant, and payload and pose of another arm are its own by default."""
+    values = dict(table)
+    if "arm" in values:
+        if "variant" in values:
+            raise ScenarioError("arm and variant given, expected one of them: both name the arm")
+        values["variant"] = values.pop("arm")
+    name = values.get("variant")
+    if isinstance(name, str) and name not in VARIANTS:
+        arm = known_arm(name)
+        values.setdefault("payload", arm.tuned_payload)
+        values.setdefault("pose", arm.operating_pose)
+    return values

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hmtb_twin.files.atomic_write import write_whole
-from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.files.errors import ScenarioError
 
 Parameter = float | int | bool | tuple[float, ...]
@@ -74,26 +74,27 @@ class Waveform:
         """Length of one period, s."""
         return POINTS / self.update_rate
 
-    def play(self, duration: float, *, iterations: int | None = None) -> np.ndarray:
+    def play(self, duration: float, *, iterations: int | None = None, rate: int = SAMPLE_RATE) -> np.ndarray:
         """Repeat the file, holding each point until the next.
 
-        At an update rate above 50 Hz the position loop, which reads 50 times per second, misses points.
+        At an update rate above its own the position loop misses points.
 
         Args:
             duration: Time to play, s.
             iterations: How often to play the file, then 0 V; until the end by default.
+            rate: Rate of the position loop, Hz.
 
         Returns:
-            Volts at 50 Hz `(N, 1)` with `N = round(50 * duration)`.
+            Volts at that rate `(N, 1)` with `N = round(rate * duration)`.
 
         Raises:
             ScenarioError: The duration is shorter than a sample or longer than `LONGEST`.
         """
-        if not SAMPLE_TIME <= duration <= LONGEST:
-            raise ScenarioError(f"duration must be {SAMPLE_TIME} s (one sample) to {LONGEST:g} s, given {duration} s")
-        count = round(SAMPLE_RATE * duration)
-        # The small shift keeps k * update_rate / SAMPLE_RATE from rounding down onto the point before.
-        points_passed = np.floor(np.arange(count) * (self.update_rate / SAMPLE_RATE) + 1e-9).astype(np.int64)
+        if not 1.0 / rate <= duration <= LONGEST:
+            raise ScenarioError(f"duration must be {1.0 / rate} s (one sample) to {LONGEST:g} s, given {duration} s")
+        count = round(rate * duration)
+        # The small shift keeps k * update_rate / rate from rounding down onto the point before.
+        points_passed = np.floor(np.arange(count) * (self.update_rate / rate) + 1e-9).astype(np.int64)
         volts = self.points[points_passed % POINTS]
         if iterations is not None:
             volts[points_passed >= iterations * POINTS] = 0.0

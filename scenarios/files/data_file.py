@@ -8,12 +8,12 @@ from typing import Literal
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, JointLog, TwinError, TwinWarning
+from hmtb_twin import JointLog, TwinError, TwinWarning
 from hmtb_twin.bus.joint_log import FORMAT
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.atomic_write import check_place
 from hmtb_twin.files.netcdf import stated_format
-from scenarios.files.errors import ScenarioError, unknown
+from scenarios.files.errors import ScenarioError
 from scenarios.files.record_file import ENDINGS, is_record, read_records, write_record
 from sysid import IOData
 from sysid.records.importers import SAME_INTERVAL, Choice, experiments_of
@@ -116,9 +116,6 @@ def read_parts(
     if joints:
         if (inputs, outputs) != (("u",), ("y",)):
             raise ScenarioError("--joint names joints of our own records; --input and --output are for tables")
-        for name in joints:
-            if name not in JOINTS:
-                raise ScenarioError(unknown("joint", name, JOINTS))
         inputs = tuple(f"{name}_commanded" for name in joints)
         outputs = tuple(f"{name}_measured" for name in joints)
     try:
@@ -161,12 +158,12 @@ def check_complete(log: JointLog, joints: Sequence[str], name: str) -> None:
     Raises:
         ScenarioError: An angle is no number.
     """
-    columns = [JOINTS.index(joint) for joint in joints if joint in JOINTS]
+    columns = [log.joint_index(joint) for joint in joints if joint in log.joints]
     for channel in ("commanded", "measured"):
         bad = ~np.isfinite(getattr(log, channel)[:, columns])
         if bad.any():
             sample, column = map(int, np.argwhere(bad)[0])
-            joint = JOINTS[columns[column]]
+            joint = log.joints[columns[column]]
             raise ScenarioError(
                 f"{name}: {int(bad.sum())} {channel} angles are no numbers, the first that of {joint} "
                 f"at sample {sample}; expected a log as hmtb simulate writes it, complete"
@@ -199,9 +196,11 @@ def excited(path: Path, test: str | None = None) -> tuple[str, ...]:
 
 def joints_of(record: IOData) -> tuple[str, ...]:
     """Joints of a record from our own files, input by input; none for records from elsewhere."""
-    named = [name.partition(" commanded") for name in record.input_names or ()]
-    joints = tuple(name for name, mark, _ in named if mark and name in JOINTS)
-    return joints if len(joints) == record.nu else ()
+    joints = tuple(name.removesuffix(" commanded") for name in record.input_names or ())
+    # Of another arm too: our files name the command and the measurement of one joint alike.
+    ours = tuple(f"{joint} commanded" for joint in joints) == (record.input_names or ())
+    measured = set(record.output_names or ()) <= {f"{joint} measured" for joint in joints}
+    return joints if joints and ours and measured else ()
 
 
 def log_of(path: Path) -> JointLog | None:

@@ -8,7 +8,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 import sysid
-from hmtb_twin import STUDIED_JOINTS, Truth
+from hmtb_twin import STUDIED_JOINTS, VARIANTS, Truth
 from scenarios.experiments.campaign import RPCM
 from scenarios.experiments.joint_inputs import joint_inputs
 from scenarios.experiments.log_review import SETTLING
@@ -295,7 +295,7 @@ def full_models(name: str, campaign: Campaign, truth: StateSpace) -> tuple[FullM
     A method that refuses the record is left out; raises `MissingRecordError` where there is none.
     """
     data, log = campaign.several(name), campaign.log(name)
-    inputs = joint_inputs(log.commanded[round(SETTLING / log.dt) :], STUDIED_JOINTS)
+    inputs = joint_inputs(log.commanded[round(SETTLING / log.dt) :], STUDIED_JOINTS, VARIANTS["nominal"])
     # There is no condition where fewer than two joints are commanded: the others' responses cannot be told.
     condition = float("inf") if inputs is None else inputs.condition
     models = []

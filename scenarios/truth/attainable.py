@@ -7,9 +7,8 @@ from math import ceil, log, sqrt
 import numpy as np
 from scipy.stats import chi2
 
-from hmtb_twin import JOINTS, Arm, JointLog, JointTruth, Status, Truth, linearize
+from hmtb_twin import Arm, JointLog, JointTruth, Status, Truth, linearize
 from hmtb_twin.bus.recorder import delayed
-from hmtb_twin.parameters.values import joint_index
 from hmtb_twin.truth.logged_arm import check_truth, logged_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.linear_fits import high_order_simulations, one_step_regression, pulse_responses, right_order_fits
@@ -278,7 +277,7 @@ def _joint_to_score(record: JointLog, joint: str | None) -> str:
             raise ScenarioError(f"{record.name} excites {', '.join(record.axes)}: name the joint")
         joint = record.axes[0]
     # A joint that does not exist is refused before anything is computed.
-    joint_index(joint)
+    record.joint_index(joint)
     return joint
 
 
@@ -293,7 +292,7 @@ def _check_scorable(record: JointLog, window: int) -> None:
 
 def _motion(record: JointLog, arm: Arm, truth: Truth, joint: str, window: int) -> _Motion:
     """Take one joint's angles and all commands that move from a record."""
-    column = joint_index(joint)
+    column = record.joint_index(joint)
     measured = record.measured[:, column]
     delayed_angles = delayed(record.true_angles, arm.delays)
     mean, variance, origin = noise_free(record, arm, truth, delayed_angles)
@@ -301,8 +300,8 @@ def _motion(record: JointLog, arm: Arm, truth: Truth, joint: str, window: int) -
     start = arm.rest(truth.angles).qpos[column]
     # A command that never moves has no lags to fit: its columns would all be the constant.
     moves = np.ptp(record.felt, axis=0) > 0.0
-    commanded = tuple(name for name, moving in zip(JOINTS, moves, strict=True) if moving or name == joint)
-    columns = [joint_index(name) for name in commanded]
+    commanded = tuple(name for name, moving in zip(record.joints, moves, strict=True) if moving or name == joint)
+    columns = [record.joint_index(name) for name in commanded]
     commands = record.commanded[:, columns] - truth.angles[columns]
     return _Motion(
         commanded=commanded,

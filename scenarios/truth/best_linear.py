@@ -8,8 +8,6 @@ from functools import cached_property
 import numpy as np
 
 from hmtb_twin import (
-    JOINTS,
-    STUDIED_JOINTS,
     Arm,
     Chain,
     Experiment,
@@ -20,7 +18,8 @@ from hmtb_twin import (
     load_arm,
     simulate,
 )
-from hmtb_twin.parameters.values import joint_index
+from hmtb_twin.arm_files.known_arms import arm_named
+from hmtb_twin.parameters.arm_description import ArmDescription
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.files.errors import ScenarioError
 from scenarios.files.provenance import versions
@@ -115,7 +114,8 @@ class BestLinearTruth(Locked):
         """Compare `servo` or `chain` line by line with a small-signal truth, by default that of the same arm."""
         truth = truth or self.small_signal
         response = truth.model.frequency_response(approximation.response.frequencies)
-        rows, columns = _columns(self.measured), _columns(self.experiment.axes)
+        arm = truth.arm
+        rows, columns = _columns(arm, self.measured), _columns(arm, self.experiment.axes)
         return response_agreement(approximation, response[:, rows][:, :, columns])
 
 
@@ -152,7 +152,8 @@ def best_linear(
         measured = experiments[0].axes
     # A string is a sequence too, of letters.
     elif isinstance(measured, str) or not isinstance(measured, Sequence) or not 0 < len(measured) == len(set(measured)):
-        raise ScenarioError(f"measured = {measured!r} given, expected one or more of {', '.join(JOINTS)}, each once")
+        joints = ", ".join(arm_named(setting.variant).joints)
+        raise ScenarioError(f"measured = {measured!r} given, expected one or more of {joints}, each once")
     logs, seconds = _simulated(experiments, threads)
     return approximated(experiments, logs, measured, physics_seconds=seconds, origin=_origin(setting))
 
@@ -222,7 +223,7 @@ def measured_best_linear(
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[str, BestLinearTruth]:
-    """Measure the best linear approximation of each studied joint, excited alone.
+    """Measure the best linear approximation of each studied joint, of another arm of every joint, excited alone.
 
     Args:
         arm: The arm.
@@ -237,7 +238,8 @@ def measured_best_linear(
         ScenarioError: See `best_linear`.
     """
     approximations: dict[str, BestLinearTruth] = {}
-    for joint in STUDIED_JOINTS:
+    joints = arm.description.compared
+    for joint in joints:
         setting = MultisineExperiment(
             joint,
             (joint,),
@@ -252,7 +254,7 @@ def measured_best_linear(
         measure = best_linear_as_needed if as_needed else best_linear
         approximations[joint] = measure(setting, multisines, threads=threads)
         if progress is not None:
-            progress(len(approximations), len(STUDIED_JOINTS))
+            progress(len(approximations), len(joints))
     return approximations
 
 
@@ -278,7 +280,7 @@ def approximated(
         SysidError: The command does not move at a line.
     """
     first, multisines = experiments[0], experiments[0].multisines
-    columns = _columns(first.axes)
+    columns = _columns(logs[0], first.axes)
     servo_records = [_record(first, measured, log, log.commanded[:, columns]) for log in logs]
     chain_records = []
     for log, experiment in zip(logs, experiments, strict=True):
@@ -320,9 +322,9 @@ def approximated(
     )
 
 
-def _columns(joints: Sequence[str]) -> list[int]:
-    """Columns of joints among the seven of a log."""
-    return [joint_index(joint) for joint in joints]
+def _columns(arm: ArmDescription | JointLog, joints: Sequence[str]) -> list[int]:
+    """Columns of joints among those of an arm or a log."""
+    return [arm.joint_index(joint) for joint in joints]
 
 
 def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, inputs: FloatArray) -> IOData:
@@ -331,7 +333,7 @@ def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, 
     window = first.multisines.settling * first.multisines.samples
     return IOData(
         inputs,
-        log.measured[:, _columns(measured)],
+        log.measured[:, _columns(log, measured)],
         log.dt,
         input_names=tuple(f"{name} commanded" for name in first.axes),
         output_names=tuple(f"{name} measured" for name in measured),

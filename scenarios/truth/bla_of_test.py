@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hmtb_twin import Experiment, linearize, load_arm
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import SAMPLE_TIME, joint_index
+from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.experiment_row import experiment_arm, prepare
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import MOST, REALISATIONS, best_linear_as_needed, cautions
@@ -190,4 +191,4 @@ def _band_end(command: FloatArray) -> float:
 def joint_command(experiment: Experiment) -> FloatArray:
     """Return the command of an experiment's only joint (N,), rad, which follows without simulating the physics."""
     (joint,) = experiment.axes
-    return prepare(experiment, load_arm).station.commands[:, joint_index(joint)]
+    return prepare(experiment, load_arm).station.commands[:, arm_named(experiment.variant).joint_index(joint)]

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 from mujoco import batch
 
-from hmtb_twin import JOINTS, Arm, JointLog, Truth, load_arm
+from hmtb_twin import Arm, JointLog, Truth, load_arm
 from hmtb_twin.bus.recorder import delayed
-from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.truth.linearization import simulated
 from sysid.records.arrays import FloatArray
 
@@ -35,7 +34,7 @@ def noise_free(record: JointLog, arm: Arm, truth: Truth, true: FloatArray) -> tu
         return mean, variance, f"mean of {DRAWS} draws of process noise"
     # What is linear responds on average as it does without noise: one simulation is exact.
     noiseless = load_arm(arm.variant, arm.payload, plant=replace(arm.plant, process_noise=0.0), specimen=arm.specimen)
-    angles = simulated(noiseless, truth.angles, record.felt) + noiseless.rest(truth.angles).qpos[: len(JOINTS)]
+    angles = simulated(noiseless, truth.angles, record.felt) + noiseless.rest(truth.angles).qpos[: len(arm.joints)]
     return angles, np.zeros_like(angles), "simulated anew without process noise"
 
 
@@ -61,17 +60,17 @@ def conditional_mean(
     control, position = simulations.bind("ctrl"), simulations.bind("qpos")
     # Seeded apart from the noise of the record, so that the draws are independent of what is scored.
     rng = np.random.default_rng([seed, draws])
-    substeps = round(SAMPLE_TIME / arm.model.opt.timestep)
+    substeps = round(arm.description.sample_time / arm.model.opt.timestep)
     means, variances = np.zeros(command.shape), np.zeros(command.shape)
     simulations.forward()
     for k, controls in enumerate(arm.controls(command)):
         # About the pose, so that the scatter is not lost in the rounding of large angles.
-        offsets = position[:, : len(JOINTS)] - angles
+        offsets = position[:, : len(arm.joints)] - angles
         means[k] = offsets.mean(axis=0)
         # About the mean of the draws themselves, hence one degree of freedom less.
         variances[k] = offsets.var(axis=0, ddof=1) / draws
         control[:] = controls
         # Even columns command angles, odd ones torques; the noise is that of the drives.
-        control[:, 1::2] += arm.process_noise * rng.standard_normal((draws, len(JOINTS)))
+        control[:, 1::2] += arm.process_noise * rng.standard_normal((draws, len(arm.joints)))
         simulations.step(nstep=substeps)
     return delayed(means, arm.delays) + angles, delayed(variances, arm.delays)

@@ -5,9 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hmtb_twin import JOINTS, NOMINAL_PLANT, Arm, JointLog, JointTruth, Truth
+from hmtb_twin import NOMINAL_PLANT, Arm, JointLog, JointTruth, Truth
 from hmtb_twin.arm.arm_model import servo_law
-from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
 from scenarios.files.errors import ScenarioError
@@ -158,9 +157,9 @@ def truth_summary(arm: Arm, truth: Truth) -> TruthSummary:
     # Orifices have no linear law of load and flow, hence no spring and damper of their own.
     if hydraulic(arm) and arm.plant.actuator == "linear":
         inertias = np.diag(arm.inertia(truth.angles))
-        for name, inertia in zip(JOINTS, inertias, strict=True):
+        for name, inertia in zip(arm.joints, inertias, strict=True):
             hydraulics[name] = linear_hydraulics(arm.actuators[name], float(inertia))
-    return TruthSummary(arm, truth, {name: truth.joint(name) for name in JOINTS}, hydraulics)
+    return TruthSummary(arm, truth, {name: truth.joint(name) for name in arm.joints}, hydraulics)
 
 
 def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
@@ -169,7 +168,7 @@ def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
     Raises:
         ScenarioError: The log excites directions of the tool, or see `attainable`.
     """
-    joints = [axis for axis in log.axes if axis in JOINTS]
+    joints = [axis for axis in log.axes if axis in log.joints]
     if not joints:
         raise ScenarioError(
             f"{log.name} excites {', '.join(log.axes)}, directions of the tool; expected a log that excites joints"
@@ -179,7 +178,7 @@ def attainable_on(log: JointLog, truth: Truth) -> dict[str, Attainable]:
 
 def hydraulic(arm: Arm) -> bool:
     """Whether all drives of the arm are hydraulic."""
-    return all(isinstance(drive, Actuator) for drive in arm_named(arm.variant).actuators.values())
+    return all(isinstance(drive, Actuator) for drive in arm.drives.values())
 
 
 def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
@@ -191,7 +190,7 @@ def conditions_in_words(arm: Arm, *, departures: bool = False) -> str:
     """
     plant, nominal, oil = arm.plant, NOMINAL_PLANT, hydraulic(arm)
     drives = f"{plant.actuator} actuators" if oil else "electric drives"
-    servo = servo_law(arm_named(arm.variant), plant)
+    servo = servo_law(arm.description, plant)
     # Whether a condition departs from the nominal one, and its description.
     conditions = [
         (plant.actuator != nominal.actuator, drives),

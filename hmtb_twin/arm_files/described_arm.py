@@ -1,0 +1,284 @@
+"""Description of an arm from its files: settings, model file, and rules for the rest."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+
+from hmtb_twin.arm_files import rules
+from hmtb_twin.arm_files.arm_toml import ArmSettings
+from hmtb_twin.arm_files.model_file import ModelFile, read_model_file
+from hmtb_twin.arm_files.rigid_arm import RigidArm, rigid_arm
+from hmtb_twin.arm_files.second_reading import check_second_reading
+from hmtb_twin.files.errors import TwinError
+from hmtb_twin.parameters.arm_description import ArmDescription, RigidModel
+from hmtb_twin.parameters.drives import Actuator, Drive
+from hmtb_twin.parameters.payloads import Load, Payload
+from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
+from hmtb_twin.parameters.values import BusTerminal, Motion, Servo
+
+FAVOURITES = ("ready", "home", "standing", "half_sitting", "default", "middle")
+"""Names of poses in which joints are preferably excited."""
+
+HOLDING = 0.7
+"""Part of its largest torque that a drive may need to hold the arm at the operating pose."""
+
+CLEARANCE = 0.2
+"""Least distance of the operating pose from the ends of ranges, rad, where they leave so much."""
+
+SAMPLES = 200
+"""Random poses among which the largest weight on a joint is sought."""
+
+
+def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescription:
+    """Describe the arm in a model file.
+
+    Args:
+        name: Name of the arm.
+        path: The model file, MJCF or URDF.
+        settings: What its user says of it.
+
+    Raises:
+        TwinError: The file or the settings are wrong, or no arm follows from them.
+    """
+    file = read_model_file(path)
+    arm = rigid_arm(file, joints=settings.joints, locked=settings.locked, tool=settings.tool)
+    remarks = (*arm.remarks, *check_second_reading(file, arm))
+    for joint in settings.joint:
+        if joint not in arm.joints:
+            raise TwinError(f"joint.{joint}: no joint of the arm, available: {', '.join(arm.joints)}")
+    gravity = -float(file.model.opt.gravity[2])
+    numbers = []
+    for joint in arm.joints:
+        numbers.append(rules.Numbers(joint, settings.of_joint(joint), _read(file, arm, joint)))
+    motions = {one.joint: rules.motion(one) for one in numbers}
+    weights = Weights(arm.mjcf, gravity)
+    largest_weights = weights.largest(motions)
+    # In the order in which a reader of the table of numbers asks for them: torque, drive, servo, bus.
+    efforts: dict[str, float] = {}
+    drives: dict[str, Drive] = {}
+    servos: dict[str, Servo] = {}
+    bus: dict[str, BusTerminal] = {}
+    for one, weight in zip(numbers, largest_weights, strict=True):
+        joint = one.joint
+        efforts[joint] = rules.effort(one, float(weight))
+        drives[joint] = rules.drive(one, settings.drives, efforts[joint], motions[joint])
+        servos[joint] = rules.servo(one)
+        bus[joint] = rules.bus_terminal(one)
+    poses = _poses(file, arm, settings, motions)
+    operating = settings.operating_pose or _operating_pose(poses, motions, efforts, weights)
+    if operating not in poses:
+        raise TwinError(f"operating_pose = {operating!r} given, available: {', '.join(poses)}")
+    given_gains = _given_gains(settings, arm.joints)
+    payloads: dict[str, Payload | Load | None] = {"none": None}
+    for payload, load in settings.payloads.items():
+        payloads[payload] = Load(load.mass, load.centre, load.inertia)
+    return ArmDescription(
+        name=name,
+        description=settings.title or f"{len(arm.joints)} joints of {path.name}, {settings.drives} drives",
+        joints=arm.joints,
+        motions=motions,
+        actuators=drives,
+        servos=servos,
+        bus=bus,
+        poses=poses,
+        operating_pose=operating,
+        payloads=payloads,
+        tuned_payload="none",
+        gravity=gravity,
+        rigid=RigidModel(arm.mjcf, str(path), arm.locked),
+        servo=settings.servo or ("flow" if settings.drives == "hydraulic" else "torque"),
+        sample_rate=settings.sample_rate,
+        power_unit=_power_unit(drives.values()),
+        given_gains=given_gains,
+        numbers=tuple(chain.from_iterable(one.table for one in numbers)),
+        remarks=remarks,
+    )
+
+
+def _read(file: ModelFile, arm: RigidArm, joint: str) -> dict[str, float]:
+    """Numbers of a joint that the model file gives, by the names of settings."""
+    model, i = file.model, arm.ids[arm.joints.index(joint)]
+    read: dict[str, float] = {}
+    if model.jnt_limited[i]:
+        read["lower"], read["upper"] = (float(end) for end in model.jnt_range[i])
+    dof = int(model.jnt_dofadr[i])
+    facts = file.facts.get(joint)
+    if facts is not None:
+        values = {
+            "effort": facts.effort,
+            "velocity": facts.velocity,
+            "coulomb": facts.coulomb,
+            "viscous": facts.viscous,
+        }
+        return read | {key: value for key, value in values.items() if value is not None}
+    for key, value in (
+        ("armature", model.dof_armature[dof]),
+        ("coulomb", model.dof_frictionloss[dof]),
+        ("viscous", model.dof_damping[dof]),
+        ("effort", _torque_limit(model, i)),
+    ):
+        # Zero is what MJCF has where nothing is written.
+        if float(np.max(value)) > 0.0:
+            read[key] = float(np.max(value))
+    return read
+
+
+def _torque_limit(model: mujoco.MjModel, joint: int) -> float:
+    """Largest torque on a joint that an MJCF allows, N m; 0 where it gives none."""
+    limits = []
+    if model.jnt_actfrclimited[joint]:
+        limits.append(float(np.abs(model.jnt_actfrcrange[joint]).max()))
+    for k in range(model.nu):
+        of_joint = model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[k, 0] == joint
+        if not of_joint:
+            continue
+        gear = abs(float(model.actuator_gear[k, 0]))
+        if model.actuator_forcelimited[k]:
+            limits.append(gear * float(np.abs(model.actuator_forcerange[k]).max()))
+        elif model.actuator_ctrllimited[k] and model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE:
+            # A motor: its control is a torque, or that over its gain.
+            gain = abs(float(model.actuator_gainprm[k, 0]))
+            limits.append(gear * gain * float(np.abs(model.actuator_ctrlrange[k]).max()))
+    return min(limits, default=0.0)
+
+
+class Weights:
+    """Torques that hold the bodies of an arm.
+
+    Args:
+        mjcf: The bodies.
+        gravity: Acceleration of gravity, m/s^2.
+    """
+
+    def __init__(self, mjcf: str, gravity: float) -> None:
+        self._model = mujoco.MjModel.from_xml_string(mjcf)
+        self._model.opt.gravity = [0.0, 0.0, -gravity]
+        self._data = mujoco.MjData(self._model)
+
+    def at(self, angles: Sequence[float]) -> np.ndarray:
+        """Torques (n,), N m, at joint angles (n,), rad."""
+        self._data.qpos[:] = angles
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_comPos(self._model, self._data)
+        torques = np.empty(self._model.nv)
+        mujoco.mj_rne(self._model, self._data, 0, torques)
+        return torques
+
+    def largest(self, motions: Mapping[str, Motion]) -> np.ndarray:
+        """Largest torque on each joint (n,), N m, over random poses in its range."""
+        rng = np.random.default_rng(0)
+        lower = [motion.lower for motion in motions.values()]
+        upper = [motion.upper for motion in motions.values()]
+        drawn = rng.uniform(lower, upper, (SAMPLES, len(lower)))
+        return np.max([np.abs(self.at(angles)) for angles in drawn], axis=0)
+
+
+def _poses(
+    file: ModelFile, arm: RigidArm, settings: ArmSettings, motions: Mapping[str, Motion]
+) -> dict[str, tuple[float, ...]]:
+    """Poses by name: the user's, keyframes and group states of the files, the middle of the ranges, and zero."""
+    poses: dict[str, tuple[float, ...]] = {}
+    for name, angles in settings.poses.items():
+        if len(angles) != len(arm.joints):
+            raise TwinError(f"poses.{name}: {len(angles)} angles given, expected {len(arm.joints)}, one for each joint")
+        poses[name] = angles
+    model = file.model
+    addresses = [int(model.jnt_qposadr[i]) for i in arm.ids]
+    for key in range(model.nkey):
+        poses.setdefault(model.key(key).name or f"key_{key}", tuple(float(model.key_qpos[key][a]) for a in addresses))
+    for name, state in _group_states(file.path).items():
+        if all(joint in state for joint in arm.joints):
+            poses.setdefault(name, tuple(state[joint] for joint in arm.joints))
+    middle = {joint: 0.5 * (motion.lower + motion.upper) for joint, motion in motions.items()}
+    poses.setdefault("middle", tuple(middle.values()))
+    poses.setdefault("zero", (0.0,) * len(arm.joints))
+    inside = {}
+    for name, angles in poses.items():
+        beyond = []
+        for joint, angle in zip(arm.joints, angles, strict=True):
+            if not motions[joint].lower <= angle <= motions[joint].upper:
+                beyond.append(joint)
+        if beyond and name in settings.poses:
+            raise TwinError(f"poses.{name}: {', '.join(beyond)} beyond the range, expected angles in rad within it")
+        # A pose of the files that settings have put out of range, or zero where the range leaves it out, is none.
+        if not beyond:
+            inside[name] = angles
+    return inside
+
+
+def _group_states(path: Path) -> dict[str, dict[str, float]]:
+    """Joint angles by name of the group states of an SRDF beside a URDF, as MoveIt has them."""
+    states: dict[str, dict[str, float]] = {}
+    for folder in (path.parent, path.parent.parent / "srdf"):
+        candidate = folder / f"{path.stem.removesuffix('_robot')}.srdf"
+        if not candidate.is_file():
+            continue
+        try:
+            root = ElementTree.fromstring(candidate.read_text(encoding="utf-8-sig"))
+        except (OSError, UnicodeDecodeError, ElementTree.ParseError):
+            # A pose is a convenience: a file beside the model that cannot be read is none.
+            continue
+        for state in root.iter("group_state"):
+            angles = states.setdefault(str(state.get("name")), {})
+            for joint in state.iter("joint"):
+                try:
+                    angles[str(joint.get("name"))] = float(str(joint.get("value")))
+                except ValueError:
+                    continue
+    return states
+
+
+def _operating_pose(
+    poses: Mapping[str, tuple[float, ...]],
+    motions: Mapping[str, Motion],
+    efforts: Mapping[str, float],
+    weights: Weights,
+) -> str:
+    """The pose at which joints are excited: clear of the ends of ranges, and held with torque to spare."""
+    available = np.array(list(efforts.values()))
+    ratios = {}
+    for name, angles in poses.items():
+        ratios[name] = float((np.abs(weights.at(angles)) / available).max())
+
+    def is_clear(name: str) -> bool:
+        for motion, angle in zip(motions.values(), poses[name], strict=True):
+            distance = min(CLEARANCE, 0.25 * (motion.upper - motion.lower))
+            if not motion.lower + distance <= angle <= motion.upper - distance:
+                return False
+        return True
+
+    clear = [name for name in poses if is_clear(name)]
+    favourites = [name for name in FAVOURITES if name in clear]
+    for name in (*favourites, *clear):
+        if ratios[name] < HOLDING:
+            return name
+    best = min(clear or poses, key=lambda name: ratios[name])
+    if ratios[best] >= 1.0:
+        raise TwinError(
+            f"the drives cannot hold the arm at any of its poses ({', '.join(poses)}), expected one in arm.toml that "
+            "they can"
+        )
+    return best
+
+
+def _given_gains(settings: ArmSettings, joints: Sequence[str]) -> dict[str, tuple[float, float]]:
+    """Gains kp, N m/rad, and kd, N m s/rad, of the servos whose user gives both."""
+    gains = {}
+    for joint in joints:
+        of_joint = settings.of_joint(joint)
+        if (of_joint.kp is None) != (of_joint.kd is None):
+            raise TwinError(f"joint.{joint}: one of kp and kd given, expected both or none")
+        if of_joint.kp is not None and of_joint.kd is not None:
+            gains[joint] = (of_joint.kp.value, of_joint.kd.value)
+    return gains
+
+
+def _power_unit(drives: Iterable[Drive]) -> PowerUnit:
+    """A pump that feeds all valves of an arm at once, with the droop and the accumulator that go with its size."""
+    flow = 1.2 * sum(drive.rated_flow for drive in drives if isinstance(drive, Actuator))
+    size = max(flow / POWER_UNIT.largest_flow, 1.0)
+    return PowerUnit(size * POWER_UNIT.largest_flow, size * POWER_UNIT.droop, size * POWER_UNIT.capacity)

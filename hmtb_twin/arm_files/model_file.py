@@ -1,0 +1,206 @@
+"""Reading of MJCF and URDF files: what MuJoCo compiles, and what only the text of the file says."""
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+
+from hmtb_twin.files.errors import TwinError, shown
+
+LARGEST_FILE = 50_000_000
+"""Largest model file, bytes: longer ones are none of an arm."""
+
+ENDINGS = (".xml", ".mjcf", ".urdf")
+"""Endings of model files."""
+
+
+@dataclass(frozen=True)
+class JointFacts:
+    """What the text of a URDF says of a joint, where it says it.
+
+    Attributes:
+        kind: `revolute`, `continuous`, `prismatic`, `floating`, `planar`, ...
+        effort: Largest torque, N m.
+        velocity: Largest speed, rad/s.
+        coulomb: Dry friction, N m.
+        viscous: Damping, N m s/rad.
+        mimics: Joint that it follows; empty if it follows none.
+    """
+
+    kind: str
+    effort: float | None = None
+    velocity: float | None = None
+    coulomb: float | None = None
+    viscous: float | None = None
+    mimics: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFile:
+    """A model file that MuJoCo has compiled.
+
+    Attributes:
+        path: The file.
+        is_urdf: Whether it is URDF; else it is MJCF.
+        model: All of it, compiled without meshes that are missing.
+        facts: What a URDF says of its joints, by name; empty of MJCF.
+        remarks: What was left out, one line each.
+    """
+
+    path: Path
+    is_urdf: bool
+    model: mujoco.MjModel
+    facts: dict[str, JointFacts] = field(default_factory=dict)
+    remarks: tuple[str, ...] = ()
+
+
+def read_model_file(path: Path) -> ModelFile:
+    """Read and compile a model file.
+
+    Raises:
+        TwinError: It cannot be read, is neither MJCF nor URDF, names a file outside its folder, or does not compile.
+    """
+    text = _text_of(path)
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise TwinError(f"{path.name}: no XML: {error}") from error
+    if root.tag == "robot":
+        return _read_urdf(path, root)
+    if root.tag == "mujoco":
+        return _read_mjcf(path)
+    raise TwinError(f"{path.name}: <{shown(root.tag)[1:-1]}> given, expected <mujoco> of MJCF or <robot> of URDF")
+
+
+def _text_of(path: Path) -> str:
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise TwinError(f"{path.name}: {path.stat().st_size} bytes given, expected at most {LARGEST_FILE}")
+        return path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        raise TwinError(f"cannot read model file {str(path)!r}: {reason}") from error
+
+
+def _read_urdf(path: Path, root: ElementTree.Element) -> ModelFile:
+    """Compile a URDF without its shapes, which have no part in its dynamics."""
+    facts = dict(_facts_of_joints(path.name, root))
+    for link in root.iter("link"):
+        for shape in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(shape)
+    for joint in root.findall("joint"):
+        limit = joint.find("limit")
+        # MuJoCo would warn on the terminal; a rule supplies the range.
+        if limit is not None and not _number(limit, "lower", 0.0) < _number(limit, "upper", 0.0):
+            for end in ("lower", "upper"):
+                limit.attrib.pop(end, None)
+            if joint.get("type") == "revolute":
+                joint.set("type", "continuous")
+    followers = []
+    for joint in root.findall("joint"):
+        # Links of a gripper's linkage often have no mass, which only a body that stands still may lack.
+        if facts[str(joint.get("name"))].mimics or joint.get("type") in ("floating", "planar"):
+            joint.set("type", "fixed")
+            followers.append(str(joint.get("name")))
+    for extension in root.findall("mujoco"):
+        root.remove(extension)
+    extension = ElementTree.SubElement(root, "mujoco")
+    # Fixed links keep their names, one of which may be the tool's.
+    ElementTree.SubElement(extension, "compiler", {"fusestatic": "false"})
+    spec = _parsed(path.name, lambda: mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")))
+    remarks = (f"held at zero, as they follow others or float: {', '.join(followers)}",) if followers else ()
+    return ModelFile(path, True, _compiled(path.name, spec), facts, remarks)
+
+
+def _facts_of_joints(name: str, root: ElementTree.Element) -> Iterator[tuple[str, JointFacts]]:
+    """Yield what a URDF says of each joint; raises `TwinError` for a joint without a name."""
+    seen: set[str] = set()
+    for joint in root.findall("joint"):
+        joint_name = joint.get("name")
+        if not joint_name:
+            raise TwinError(f"{name}: a joint without a name given, expected one name each")
+        if joint_name in seen:
+            raise TwinError(f"{name}: two joints with the name {shown(joint_name)} given, expected different names")
+        seen.add(joint_name)
+        limit, dynamics, mimic = (joint.find(tag) for tag in ("limit", "dynamics", "mimic"))
+        yield (
+            joint_name,
+            JointFacts(
+                kind=str(joint.get("type", "")),
+                effort=_positive(limit, "effort"),
+                velocity=_positive(limit, "velocity"),
+                coulomb=_positive(dynamics, "friction"),
+                viscous=_positive(dynamics, "damping"),
+                mimics="" if mimic is None else str(mimic.get("joint", "")),
+            ),
+        )
+
+
+def _number(element: ElementTree.Element, attribute: str, missing: float) -> float:
+    try:
+        return float(element.get(attribute, missing))
+    except ValueError:
+        return missing
+
+
+def _positive(element: ElementTree.Element | None, attribute: str) -> float | None:
+    """A number above zero; None where there is none, as zero is written where a number is not known."""
+    value = 0.0 if element is None else _number(element, attribute, 0.0)
+    return value if 0.0 < value < float("inf") else None
+
+
+def _read_mjcf(path: Path) -> ModelFile:
+    """Compile an MJCF; meshes that are missing are left out where bodies have inertias of their own."""
+    spec = _parsed(path.name, lambda: mujoco.MjSpec.from_file(str(path)))
+    _check_paths(path, spec)
+    try:
+        return ModelFile(path, False, spec.compile())
+    except ValueError as error:
+        without = mujoco.MjSpec.from_file(str(path))
+        missing = [geom for geom in without.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
+        if not missing:
+            raise TwinError(f"{path.name}: {_first_lines(error)}") from error
+    for geom in missing:
+        without.delete(geom)
+    for asset in (*without.meshes, *without.textures, *without.materials):
+        without.delete(asset)
+    remark = f"{len(missing)} meshes are missing or do not load: they are left out"
+    return ModelFile(path, False, _compiled(path.name, without), remarks=(remark,))
+
+
+def _check_paths(path: Path, spec: mujoco.MjSpec) -> None:
+    """Raise `TwinError` if a mesh or texture lies outside the folder of the model."""
+    folder = path.parent.resolve()
+    for directory, assets in ((spec.meshdir, spec.meshes), (spec.texturedir, spec.textures)):
+        for asset in assets:
+            if not asset.file:
+                continue
+            place = (folder / directory / asset.file).resolve()
+            if not place.is_relative_to(folder):
+                raise TwinError(
+                    f"{path.name}: file {shown(asset.file)} given, which lies outside the folder of the model; "
+                    "expected files beside the model or below"
+                )
+
+
+def _parsed(name: str, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:
+    try:
+        return parse()
+    except ValueError as error:
+        raise TwinError(f"{name}: {_first_lines(error)}") from error
+
+
+def _compiled(name: str, spec: mujoco.MjSpec) -> mujoco.MjModel:
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise TwinError(f"{name}: {_first_lines(error)}") from error
+
+
+def _first_lines(error: Exception) -> str:
+    """The message of MuJoCo on one line, without what repeats the word error."""
+    text = " ".join(str(error).split())
+    return re.sub(r"^(XML )?Error: (error )?", "", text)

@@ -1,0 +1,89 @@
+"""Tests of any arm: a binary sequence, a multisine and a chirp on each of its joints, and all joints at once."""
+
+from collections.abc import Iterator
+from math import floor, log10
+from typing import Any
+
+from hmtb_twin.parameters.arm_description import ArmDescription
+
+EXCITATIONS: dict[str, dict[str, Any]] = {
+    "prbs": {"kind": "prbs", "clock": 2, "register": 10},
+    "multisine": {"kind": "multisine", "f_min": 0.5, "f_max": 10.0},
+    "chirp": {"kind": "chirp", "f_start": 0.5, "f_end": 10.0},
+}
+"""Excitations of one joint by name, each of 1 V."""
+
+SWEPT = {
+    "prbs": "binary sequence",
+    "multisine": "random-phase multisine, 0.5 to 10 Hz",
+    "chirp": "chirp from 0.5 to 10 Hz",
+}
+"""The same in words."""
+
+ALL_JOINTS = "all-joints"
+"""Name of the test of all joints at once."""
+
+DURATION = 120.0
+"""Length of every test, s."""
+
+LARGEST_GAIN = 0.05
+"""Largest gain of a joint's command, rad/V: larger moves are no small ones."""
+
+REACH = 0.25
+"""Part of the distance to the nearer end of a joint's range that its command may take at 1 V."""
+
+FIRST_SEED = 8000
+"""Seeds of the tests: each has noise of its own, none that of a test of the thesis."""
+
+
+def command_gain(arm: ArmDescription, joint: str) -> float:
+    """Gain of a joint's command, rad/V: the largest round one at which no test of 1 V moves at the velocity limit.
+
+    A binary sequence changes by 2 V from one tick to the next, as the thesis' tests on the test bed do.
+    """
+    limit, angle = arm.motions[joint], arm.poses[arm.operating_pose][arm.joint_index(joint)]
+    slewing = limit.velocity_limit * arm.sample_time / 2.0
+    ending = REACH * min(angle - limit.lower, limit.upper - angle)
+    largest = min(slewing, ending, LARGEST_GAIN)
+    # One significant digit, rounded down.
+    digit = 10.0 ** floor(log10(largest))
+    return floor(largest / digit * (1.0 + 1e-9)) * digit
+
+
+def arm_tests(arm: ArmDescription) -> Iterator[dict[str, Any]]:
+    """Yield the tests of an arm as tables of TOML files."""
+    position = 0
+    for test, excitation in EXCITATIONS.items():
+        for joint in arm.free:
+            position += 1
+            yield {
+                **_test(arm, f"{test}-{joint}", (joint,), command_gain(arm, joint)),
+                "seed": FIRST_SEED + position,
+                "description": f"{joint}: {SWEPT[test]}",
+                "tags": [test, joint],
+                "excitation": dict(excitation),
+            }
+    gain = min(command_gain(arm, joint) for joint in arm.free)
+    multisines = [{**EXCITATIONS["multisine"], "seed": seed} for seed in range(len(arm.free))]
+    yield {
+        **_test(arm, ALL_JOINTS, arm.free, gain),
+        "seed": FIRST_SEED,
+        "independent_channels": True,
+        "description": f"all {len(arm.free)} joints at once, each with a multisine of its own",
+        "tags": ["multisine"],
+        "excitation": multisines,
+    }
+
+
+def _test(arm: ArmDescription, name: str, joints: tuple[str, ...], gain: float) -> dict[str, Any]:
+    """What all tests of an arm have: its payload and pose, and an interface that is nearly ideal."""
+    return {
+        "name": name,
+        "axes": list(joints),
+        "duration": DURATION,
+        "variant": arm.name,
+        "payload": arm.tuned_payload,
+        "pose": arm.operating_pose,
+        # Nobody holds a stick: only what its converter rounds and a little noise are left of a hand controller.
+        "hand_controller": {"gain": gain, "noise": 0.01, "hold": 1, "bias": 0.0},
+    }
