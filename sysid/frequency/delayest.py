@@ -2,7 +2,7 @@
 
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from sysid.frequency.delay_profile import DelayProfile, delay_profile
 from sysid.frequency.far_delay import far_delay
+from sysid.models.repeated_errors import mean_period, repeated_errors
 from sysid.polynomial.correlation import covariance_function, prewhitened
 from sysid.polynomial.data_checks import check_excitation
 from sysid.polynomial.least_squares import scaled_triangle, triangle_of_blocks
@@ -19,6 +20,7 @@ from sysid.records.arguments import confidence_level, whole_number
 from sysid.records.arrays import FloatArray, Locked
 from sysid.records.data import IOData, as_experiments
 from sysid.records.errors import SysidError, SysidWarning, warn_each
+from sysid.records.repetition import repetitions
 from sysid.validation.feedback import feedback_p, interchanged
 
 IntArray = NDArray[np.int_]
@@ -71,6 +73,8 @@ def delayest(
     of every input, and the leading lags of one of them are dropped, one after the other, as long as N log(V/V0) stays
     below the chi-square quantile; it holds for any input of sufficient excitation.
 
+    Errors that repeat with the input count once: where those of the ARX model do, both are fitted to the mean period.
+
     The correlation method whitens each input by an autoregressive model, filters the outputs alike and takes the first
     lag outside the bound; it needs no model, but uncorrelated inputs. Means are removed first.
 
@@ -102,11 +106,15 @@ def delayest(
     # first: of few samples it says what is missing, where the limit of the whitening would name another option
     scan = _scan_by_arx(experiments, na, nb, largest)
     whitening = whole_number("whitening", whitening, 0, max(map(len, experiments)))
-    rejected = scan.p_values < 1.0 - level
     feedback_messages = _feedback_messages(experiments, largest + nb, level)
     for message in feedback_messages:
         warnings.warn(message, SysidWarning, stacklevel=2)
     correlations, bound = whitened_correlations(experiments, whitening, largest, level)
+    once = _periods_once(experiments, na, largest + nb)
+    if once is not None:
+        # what a nonlinear system answers to a sequence is the same in every period, and tells no more by repetition
+        experiments, scan = once, _scan_by_arx(once, na, nb, largest)
+    rejected = scan.p_values < 1.0 - level
     by_arx = _first_lags(rejected)
     intervals = np.stack((np.minimum(by_arx, 0), by_arx))
     if nu == 1 and not feedback_messages:
@@ -121,6 +129,42 @@ def delayest(
         correlations=correlations,
         bound=bound,
     )
+
+
+def _periods_once(experiments: Sequence[IOData], na: int, lags: int) -> tuple[IOData, ...] | None:
+    """Mean periods of records whose inputs repeat, each after samples of the period before, as its past.
+
+    None where nothing repeats, where the errors of an ARX model do not repeat with the inputs, and where a period is
+    too short for the model.
+    """
+    groups = repetitions(experiments)
+    played = {k for group in groups for k, _ in group.starts}
+    parameters = na + lags * experiments[0].nu
+    if not groups or len(played) < len(experiments) or any(group.period < 2 * parameters for group in groups):
+        return None
+    found = repeated_errors(experiments, [_arx_errors(experiment, na, lags) for experiment in experiments])
+    if found is None or not found.is_significant:
+        return None
+    past = max(na, lags)
+    records = []
+    for group in groups:
+        u = mean_period(group, [e.u for e in experiments])
+        y = mean_period(group, [e.y for e in experiments])
+        rows = np.arange(-past, group.period) % group.period
+        records.append(replace(experiments[0], u=u[rows], y=y[rows], window=past))
+    return tuple(records)
+
+
+def _arx_errors(experiment: IOData, na: int, lags: int) -> FloatArray:
+    """Errors of an ARX model with all lags (N, ny), NaN where its regressors reach back beyond the record."""
+    all_lags, no_delay = (lags,) * experiment.nu, (0,) * experiment.nu
+    start = first_row(na, all_lags, no_delay, experiment.window)
+    errors = np.full_like(experiment.y, np.nan)
+    for i in range(experiment.ny):
+        regressors = arx_regressors(experiment.y[:, i], experiment.u, na, all_lags, no_delay, start)
+        target = experiment.y[start:, i]
+        errors[start:, i] = target - regressors @ np.linalg.lstsq(regressors, target, rcond=None)[0]
+    return errors
 
 
 def _by_profiles(
