@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm.arm import Arm
+from hmtb_twin.arm.arm_scene import arm_scene, pose_scene
 from hmtb_twin.arm.rigid_bodies import write_bodies
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.resources import model_file
@@ -27,6 +28,8 @@ def scene_model(arm: Arm) -> mujoco.MjModel:
     """Return the arm with the worksite round it, which an arm at the worksite has already; its joints are first."""
     if arm.worksite:
         return arm.model
+    if arm.description.rigid is not None:
+        return arm_scene(arm)
     spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
     for key in list(spec.keys):
         # Its controls and activations would not fit a model without the unit, and a picture needs angles only.
@@ -51,7 +54,7 @@ class Stage:
     def __init__(self, arm: Arm, width: int = 960, height: int = 720, *, draft: bool = False) -> None:
         if not (16 <= width <= LARGEST and 16 <= height <= LARGEST):
             raise TwinError(f"a picture of {width} x {height} pixels given, expected 16 to {LARGEST} each way")
-        self._model = copy(scene_model(arm))
+        self._model, self._arm = copy(scene_model(arm)), arm
         self._data = mujoco.MjData(self._model)
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         # Near the edge of the shadow map, floor that the lamp grazes is speckled: the edge lies outside the views.
@@ -98,11 +101,10 @@ class Stage:
         """
         if camera not in self.cameras:
             raise TwinError(f"unknown camera {camera!r}, available: {', '.join(self.cameras)}")
-        n = len(angles)
-        self._data.qpos[:n] = angles
         if unit is not None:
+            n = len(angles)
             self._data.qpos[n : n + len(unit)] = unit
-        mujoco.mj_kinematics(self._model, self._data)
+        pose_scene(self._model, self._data, self._arm, angles)
         mujoco.mj_camlight(self._model, self._data)
         view = mujoco.MjvCamera()
         view.type, view.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, self._model.camera(camera).id

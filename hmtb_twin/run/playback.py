@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm.arm import Arm, load_arm
+from hmtb_twin.arm.arm_scene import pose_scene
 from hmtb_twin.arm.rendering import Stage, scene_model
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.bus.record import BusRecord
@@ -27,7 +28,7 @@ def pictured_arm(log: JointLog) -> Arm:
     """Return an arm that looks like that of a log, whatever its drives; nominal where the log has no provenance."""
     return load_arm(
         log.provenance.get("variant", "nominal"),
-        log.provenance.get("payload", "rpcm"),
+        log.provenance.get("payload"),
         worksite=log.unit_pose is not None,
     )
 
@@ -128,7 +129,8 @@ def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) 
         speed: Seconds of the experiment per second.
         loop: Whether to start again at the end.
     """
-    model = scene_model(pictured_arm(log))
+    arm = pictured_arm(log)
+    model = scene_model(arm)
     data = mujoco.MjData(model)
     with viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False) as window:
         with window.lock():
@@ -143,10 +145,10 @@ def play(log: JointLog, viewer: Any, *, speed: float = 1.0, loop: bool = False) 
             tick = min(int(time / log.dt), len(log) - 1)
             # The viewer shows this time; nothing is simulated.
             data.time = tick * log.dt
-            n = len(log.joints)
-            data.qpos[:n] = log.true_angles[tick]
             if log.unit_pose is not None:
+                n = len(log.joints)
                 data.qpos[n : n + 7] = np.asarray(log.unit_pose[tick])
+            pose_scene(model, data, arm, log.true_angles[tick])
             mujoco.mj_forward(model, data)
             window.sync()
             sleep(1.0 / 60.0)  # the rate of most displays
