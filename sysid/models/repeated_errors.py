@@ -31,6 +31,7 @@ LINES_OF_SPECTRUM = 8  # samples of a period for each line that may be averaged
 UPPER_95 = 0.975  # probability at the upper end of a 95 % interval
 LARGEST_COLUMN = 200_000  # errors up to which products of their derivatives are formed
 STEPS = (STEP, 1e-3 * STEP, 1e-6 * STEP)  # in standard deviations, the first whose errors stay within bounds
+FARTHEST = 10.0  # of a parameter, beside its size and one, that a step may move it: delays so far off fill the memory
 LARGEST_SLOPE = 1e6  # standard deviations of an error for one of a parameter, beyond which the predictor is unstable
 SINGULAR = 1e-12  # variance of a combination of outputs, relative to the largest, that is rounding
 
@@ -308,13 +309,22 @@ def _slopes_along(
 ) -> list[FloatArray] | None:
     """Derivatives of the whitened errors of each experiment (N_i, r) along a direction of one standard deviation (q,).
 
-    Of a pole at the stability limit a step as usual may make a predictor whose errors grow without end: a smaller one
-    does not. None where every step does.
+    Of a pole at the stability limit a step as usual may make a predictor whose errors grow without end, and of a time
+    constant that the data leave open one of another scale: a smaller one does not. None where every step does.
     """
     for step in STEPS:
-        ahead = whitened_errors(estimate.realise(estimate.parameters + step * direction), experiments, whitening)
-        behind = whitened_errors(estimate.realise(estimate.parameters - step * direction), experiments, whitening)
+        if np.any(np.abs(step * direction) > FARTHEST * (1.0 + np.abs(estimate.parameters))):
+            continue
+        # a continuous model that grows fast may overflow from one sample to the next
         with np.errstate(over="ignore", invalid="ignore"):
+            try:
+                ahead, behind = (
+                    whitened_errors(estimate.realise(estimate.parameters + change), experiments, whitening)
+                    for change in (step * direction, -step * direction)
+                )
+            except ValueError:
+                # SciPy refuses matrices that are not finite; so do our models
+                continue
             slopes = [(later - earlier) / (2.0 * step) for later, earlier in zip(ahead, behind, strict=True)]
         # not so of NaN either
         if all(np.abs(slope).max(initial=0.0) < LARGEST_SLOPE for slope in slopes):

@@ -22,6 +22,7 @@ POOLED = 3  # bands on either side over which the variance of the noise is avera
 FEWEST_COMMON = 10  # lines of all sequences that tell what they have in common
 SWEEP = 0.75  # length of the mean of unit vectors: 0.9 to 1 of sweeps, below 0.6 of random phases
 SPARE = 7  # lines of a band beyond those that its response takes: they show the noise
+NO_RESPONSE = 1e-12  # of the largest response at any line, below which one is zero but for rounding
 
 
 @dataclass(frozen=True)
@@ -245,6 +246,9 @@ def _output_lines(spectra: Spectra, estimate: Estimate, output: int) -> OutputLi
     g = estimate.realise(estimate.parameters).frequency_response(f)[:, output]
     changes = response_changes(estimate, f, output) * spectra.inputs[:, :, None]
     size = np.sqrt(np.sum(np.abs(g) ** 2, axis=1))
+    # an error relative to a response of zero has no size
+    largest = float(size.max(initial=0.0))
+    size = np.maximum(size, NO_RESPONSE * largest if largest > 0.0 else 1.0)
     return OutputLines(f, spectra.inputs * g, spectra.errors, changes.sum(axis=1), size)
 
 
