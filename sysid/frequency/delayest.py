@@ -26,6 +26,7 @@ from sysid.validation.feedback import feedback_p, interchanged
 IntArray = NDArray[np.int_]
 INTERVAL = 0.95  # level of the intervals of delays
 AMBIGUOUS = 3  # samples between the ends of an interval from which on a warning says what would tell
+SPARE = 1.5  # samples of a period for each parameter of the ARX model that is fitted to it, at least
 EXACT = 1e-20  # sum of squared errors of the ARX model, relative to that of the output, that is rounding
 TINY = np.finfo(float).tiny
 FEEDBACK = 1e-4  # p-value below which feedback is certain enough for a warning
@@ -140,7 +141,7 @@ def _periods_once(experiments: Sequence[IOData], na: int, lags: int) -> tuple[IO
     groups = repetitions(experiments)
     played = {k for group in groups for k, _ in group.starts}
     parameters = na + lags * experiments[0].nu
-    if not groups or len(played) < len(experiments) or any(group.period < 2 * parameters for group in groups):
+    if not groups or len(played) < len(experiments) or any(group.period < SPARE * parameters for group in groups):
         return None
     found = repeated_errors(experiments, [_arx_errors(experiment, na, lags) for experiment in experiments])
     if found is None or not found.is_significant:

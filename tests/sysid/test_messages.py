@@ -67,7 +67,7 @@ def test_short_forms_are_short():
     assert repr(DATA) == "<IOData robot: 600 samples every 0.02 s; input u1 [rad]; output y1>"
     assert repr(estimate) == "<Estimate: OE (nb 1, nf 1, nk 1) from 600 samples every 0.02 s>"
     hz, low, high = estimate.bandwidth().path()
-    assert repr(estimate.bandwidth()) == f"Bandwidth(hz={hz:.5g}, ci95=({low:.5g}, {high:.5g}))"
+    assert repr(estimate.bandwidth()) == f"Bandwidth(hz={hz:.5g}, ci95=({low:.5g}, {high:.5g}), reference=0)"
     response, forecast = sysid.spa(DATA), sysid.forecast(estimate, DATA, 3, np.zeros((3, 1)))
     validation = sysid.cross_validate(lambda parts: sysid.arx(parts, 1, 1), DATA)
     band = sysid.band(estimate, StateSpace.dc_gain)
