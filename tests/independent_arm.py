@@ -9,6 +9,7 @@ z (rad); an indexed shoulder roll is rigid, so that six joints move.
 
 from collections.abc import Sequence
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +20,7 @@ from scipy.optimize import brentq, root
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.specimen import LINK_NAMES, Specimen
-from hmtb_twin.parameters.values import JOINTS, SAMPLE_TIME
+from hmtb_twin.parameters.values import JOINTS
 from hmtb_twin.parameters.variants import VARIANTS
 
 AXES = dict(zip(JOINTS, ((1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0)), strict=True))
@@ -79,6 +80,26 @@ def rigid_bodies(
     return model
 
 
+def bodies_of_file(arm: Arm) -> pin.Model:
+    """Return the bodies of an arm without payload as Pinocchio alone reads them from the arm's own file."""
+    path = Path(arm.description.rigid.picture)
+    if path.suffix == ".urdf":
+        text = path.read_text()
+        # A joint without limits would be held as cosine and sine, and not as an angle.
+        whole = pin.buildModelFromXML(text.replace('type="continuous"', 'type="revolute"'))
+    else:
+        whole = pin.buildModelFromMJCF(str(path))
+    place = pin.neutral(whole)
+    held = [k for k in range(1, whole.njoints) if whole.names[k] not in arm.joints]
+    for k in held:
+        place[whole.idx_qs[k]] = arm.description.rigid.locked.get(whole.names[k], 0.0)
+    model = pin.buildReducedModel(whole, held, place)
+    assert tuple(model.names[1:]) == arm.joints
+    model.gravity.linear = np.array([0.0, 0.0, -arm.description.gravity])
+    model.armature = np.array([arm.drives[name].motor.armature for name in arm.joints])
+    return model
+
+
 class IndependentArm:
     """An arm in free space with linear drives, as ordinary differential equations.
 
@@ -102,11 +123,15 @@ class IndependentArm:
 
     def __init__(self, arm: Arm) -> None:
         self.met_limit = False
-        names = [name for name in JOINTS if name not in VARIANTS[arm.variant].indexed]
-        self.moving, self.count = [JOINTS.index(name) for name in names], len(names)
+        self.joints, self.sample_time = arm.joints, arm.description.sample_time
+        names = list(arm.description.free)
+        self.moving, self.count = [arm.joints.index(name) for name in names], len(names)
         drives, gains = [arm.drives[name] for name in names], [arm.gains[name] for name in names]
-        self.controller = rigid_bodies(arm.variant, arm.payload)
-        self.model = rigid_bodies(arm.variant, arm.payload, arm.specimen, joints=names)
+        if arm.description.rigid is None:
+            self.controller = rigid_bodies(arm.variant, arm.payload)
+            self.model = rigid_bodies(arm.variant, arm.payload, arm.specimen, joints=names)
+        else:
+            self.controller = self.model = bodies_of_file(arm)
         motors, seals = [drive.motor for drive in drives], [drive.friction for drive in drives]
         self.D, self.K, self.k, self.largest = np.array(
             [[motor.constant, motor.resistance, motor.inductance, motor.largest_input] for motor in motors]
@@ -188,7 +213,7 @@ class IndependentArm:
             ahead = self.feedforward(row) + (0.0 if noise is None else noise[k, self.moving])
             solved = solve_ivp(
                 self.slope,
-                (0.0, SAMPLE_TIME),
+                (0.0, self.sample_time),
                 state,
                 "DOP853",
                 args=(row[self.moving], ahead),
@@ -227,7 +252,7 @@ class IndependentArm:
         size = 4 * self.count
         whole = np.zeros((size + self.count,) * 2)
         whole[:size, :size], whole[:size, size:] = A.reshape(size, size), B.reshape(size, self.count)
-        held = expm(SAMPLE_TIME * whole)[:size]
+        held = expm(self.sample_time * whole)[:size]
         return held[:, :size], held[:, size:]
 
     def inertia(self, q: np.ndarray) -> np.ndarray:
@@ -244,13 +269,13 @@ class IndependentArm:
         A, B = self.linear(command)
 
         def gain(f: float, row: int) -> float:
-            z = np.exp(2j * np.pi * f * SAMPLE_TIME)
+            z = np.exp(2j * np.pi * f * self.sample_time)
             return float(abs(np.linalg.solve(z * np.eye(len(A)) - A, B[:, row])[row]))
 
         def crossing(row: int) -> float:
             level = gain(0.0, row) * np.sqrt(0.5)
-            grid = np.geomspace(0.01, 0.5 / SAMPLE_TIME, 300)
+            grid = np.geomspace(0.01, 0.5 / self.sample_time, 300)
             first = next(i for i, f in enumerate(grid) if gain(f, row) < level)
             return brentq(lambda f: gain(f, row) - level, grid[first - 1], grid[first], xtol=1e-12)
 
-        return {JOINTS[j]: crossing(row) for row, j in enumerate(self.moving)}
+        return {self.joints[j]: crossing(row) for row, j in enumerate(self.moving)}

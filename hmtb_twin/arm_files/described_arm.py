@@ -90,7 +90,8 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
         tuned_payload="none",
         gravity=gravity,
         rigid=RigidModel(arm.mjcf, str(path), arm.locked),
-        servo=settings.servo or ("flow" if settings.drives == "hydraulic" else "torque"),
+        # A flow servo needs joints that are heavy enough for their oil; one that asks for a torque does not.
+        servo=settings.servo or "torque",
         sample_rate=settings.sample_rate,
         power_unit=_power_unit(drives.values()),
         given_gains=given_gains,

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from hmtb_twin import JointTruth
+from hmtb_twin.parameters.quantity import Provenance
 from scenarios.files.result_table import ResultTable
 from scenarios.truth.attainable import Attainable
 from scenarios.truth.best_linear import BestLinearTruth, cautions
@@ -84,11 +85,30 @@ def joint_notes(summary: TruthSummary) -> list[str]:
     errors = summary.truth.small_signal_error.items()
     listed = ", ".join(f"{error:.1e} at {amplitude:g} rad" for amplitude, error in errors)
     notes.append(f"Relative error of the linear model against the simulated arm (friction off): {listed}")
+    notes += _assumed_notes(summary)
     if summary.truth.plant.process_noise:
         notes.append(_innovations_note(summary))
     if summary.best_linear:
         notes += _best_linear_notes(summary)
     return notes
+
+
+def _assumed_notes(summary: TruthSummary) -> list[str]:
+    """What the files of an arm leave out, and a rule supplied; nothing of the arms of the test bed."""
+    arm = summary.arm.description
+    by_parameter: dict[str, list[Provenance]] = {}
+    for row in arm.assumed:
+        by_parameter.setdefault(row.parameter, []).append(row)
+    notes = []
+    if by_parameter:
+        notes.append(f"Assumed, as the files of {arm.name} do not say it; an arm.toml beside them would:")
+    for parameter, rows in by_parameter.items():
+        # Most rules give each joint a number of its own.
+        values = ", ".join(dict.fromkeys(f"{row.value:.3g}" for row in rows))
+        joints = "all joints" if len(rows) == len(arm.joints) else ", ".join(row.owner for row in rows)
+        unit = "" if rows[0].unit == "1" else f" {rows[0].unit}"
+        notes.append(f"  {parameter} of {joints}: {values}{unit} ({rows[0].source})")
+    return notes + [f"Read from its files: {remark}" for remark in arm.remarks]
 
 
 def _innovations_note(summary: TruthSummary) -> str:

@@ -1,0 +1,91 @@
+"""Arms from example-robot-data and from a user's folder, against what Pinocchio alone reads from their files."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from hmtb_twin import linearize, load_arm
+from hmtb_twin.truth.linearization import simulated
+from tests.independent_arm import IndependentArm
+
+ARMS = ("panda", "ur10", "xarm7", "kinova")
+
+
+@pytest.fixture(params=[*ARMS, "folder"])
+def arm(request):
+    name = str(request.getfixturevalue("folder")) if request.param == "folder" else request.param
+    return load_arm(name)
+
+
+def test_the_linear_truth_is_that_of_an_independent_linearisation(arm):
+    pose = arm.pose(arm.description.operating_pose)
+    truth = linearize(arm, amplitudes=())
+    independent = IndependentArm(arm)
+    A, B = independent.linear(pose)
+    z = np.exp(2j * np.pi * np.geomspace(0.1, 20.0, 40) * arm.description.sample_time)
+    n = len(arm.joints)
+    theirs = np.array([np.linalg.solve(one * np.eye(len(A)) - A, B)[:n] for one in z])
+    ours = truth.model.frequency_response(np.geomspace(0.1, 20.0, 40))
+    # the bus delays what is measured
+    ours = ours * z[:, None, None] ** arm.delays[:, None]
+    assert np.abs(ours - theirs).max() < 1e-6
+    for joint, hz in independent.bandwidths(pose).items():
+        assert truth.joint(joint).bandwidth_hz == pytest.approx(hz, rel=1e-6)
+        assert truth.joint(joint).delay_samples == 1 + arm.description.bus[joint].delay
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_trajectories_are_those_of_an_independent_ode(arm, friction):
+    arm = load_arm(arm.variant, friction=friction)
+    pose = arm.pose(arm.description.operating_pose)
+    offsets = 5e-3 * np.repeat(np.random.default_rng(1).choice([-1.0, 1.0], 10), 5)
+    command = np.tile(pose, (60, 1))
+    # both begin at rest at the pose
+    command[10:, 1] += offsets
+    independent = IndependentArm(arm)
+    theirs = independent.simulate(command)
+    # ours are read at the start of a tick, and late by the bus
+    late = int(arm.delays[1])
+    ours = simulated(arm, pose, command)[1 + late :, 1]
+    reference = theirs[: len(ours), 1] - pose[1]
+    assert np.abs(ours - reference).max() < 1e-5 * np.abs(reference).max()
+
+
+def test_it_rests_exactly_where_it_is_commanded(arm):
+    data = arm.rest(arm.pose(arm.description.operating_pose))
+    mujoco.mj_step(arm.model, data, nstep=100)
+    np.testing.assert_allclose(data.qpos, arm.pose(arm.description.operating_pose), atol=1e-12)
+
+
+def test_numbers_are_given_read_or_assumed(folder):
+    arm = load_arm(str(folder))
+    assert arm.joints == ("swivel", "lift", "bend")
+    assert arm.description.rigid.locked == {"gripper": 0.01}
+    assert arm.description.operating_pose == "home"
+    np.testing.assert_array_equal(arm.pose("home"), [0.1, 0.5, 0.7])
+    rows = {(row.owner, row.parameter): row for row in arm.description.numbers}
+    assert rows["swivel", "effort"].value == 60.0
+    assert rows["lift", "effort"].value == 80.0
+    assert rows["swivel", "coulomb"].value == arm.drives["swivel"].coulomb_torque == 0.5
+    assert arm.drives["swivel"].drag == pytest.approx(2.0)
+    assert arm.drives["lift"].motor.armature == pytest.approx(0.15)
+    assert {rows["swivel", name].tag for name in ("effort", "coulomb", "viscous", "armature", "lower")} == {"source"}
+    assert rows["bend", "effort"].tag == rows["lift", "coulomb"].tag == rows["bend", "armature"].tag == "assumed"
+    (folder / "arm.toml").write_text(
+        "title = 'mine'\nsample_rate = 200\ndrives = 'hydraulic'\n[every_joint]\nbandwidth = 1.0\n"
+        "[joint.bend]\neffort = {value = 30, source = 'data sheet'}\nlower = -1.0\n"
+        "[poses]\nwork = [0.0, 0.4, 0.2]\n[payloads.tool]\nmass = 1.5\ncentre = [0, 0, 0.1]\n"
+        "inertia = [0.01, 0.01, 0.01]\n"
+    )
+    changed = load_arm(str(folder), "tool")
+    assert changed.description.sample_rate == 200
+    assert changed.drives_kind == "hydraulic"
+    assert changed.drives["bend"].maximum_torque == pytest.approx(30.0)
+    (row,) = [row for row in changed.description.numbers if (row.owner, row.parameter) == ("bend", "effort")]
+    assert (row.source, row.tag) == ("data sheet", "source")
+    heavier = np.abs(changed.weight(changed.pose("work"))) - np.abs(arm.weight(changed.pose("work")))
+    assert heavier[1] > 1.0
+    truth = linearize(changed, "work", amplitudes=(1e-3,))
+    assert truth.spectral_radius < 1.0
+    assert truth.dt == 1.0 / 200
+    assert truth.small_signal_error[1e-3] < 1e-2
