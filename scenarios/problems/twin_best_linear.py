@@ -18,7 +18,6 @@ from scipy.linalg import block_diag
 
 from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.run.experiment_row import experiment_arm
-from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.problems.twin_name import TwinName, twin_name
 from scenarios.problems.twin_records import arm_hash, records_folder
 from scenarios.truth.best_linear import best_linear
@@ -150,7 +149,7 @@ def measured_best_linear(name: TwinName, *, realisations: int = REALISATIONS, th
         realisations: Waveforms.
         threads: Threads for the physics; the bits do not depend on it.
     """
-    setting = MultisineExperiment(str(name), (name.joint,), variant=name.variant, seed=SEED)
+    setting = name.setting(SEED)
     if name.excitation == "multisine":
         excitation = name.multisines(SEED, realisations=realisations)
     else:

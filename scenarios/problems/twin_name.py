@@ -1,18 +1,18 @@
 """Problems of the arm: their names, and the experiment and record of each draw."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hmtb_twin import JOINTS, VARIANTS, Experiment, JointLog
+from hmtb_twin import Experiment, JointLog
 from hmtb_twin.parameters.values import LARGE_MOTION, SAMPLE_RATE, SAMPLE_TIME
 from scenarios.estimators.seeds import seed_of
 from scenarios.experiments.campaign import REGISTER
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
-from scenarios.experiments.scenario import Scenario
+from scenarios.experiments.scenario import Scenario, known_arm
 from scenarios.files.errors import ScenarioError, unknown
 from sysid import IOData
 from sysid.records.arrays import FloatArray
@@ -36,7 +36,7 @@ SWEEP = (0.5, 4.5)
 """Band of the chirp, Hz: whole cycles in its window of 2 s, and the bandwidths of the joints inside."""
 
 NAME = re.compile(
-    r"twin-(?P<variant>[a-z_]+)-(?P<joint>[a-z_]+)-(?P<excitation>[a-z]+)-(?P<mrad>\d+(\.\d+)?)mrad"
+    r"twin-(?P<variant>[A-Za-z0-9_.]+)-(?P<joint>[A-Za-z0-9_.+]+)-(?P<excitation>[a-z]+)-(?P<mrad>\d+(\.\d+)?)mrad"
     r"(-w(?P<waveform>\d{1,6}))?(@(?P<samples>\d{1,7}))?"
 )
 
@@ -46,8 +46,9 @@ class TwinName:
     """A problem of the arm, fully described by its name.
 
     Attributes:
-        variant: Arm variant.
-        joint: The joint that is excited and measured, any that a pin does not hold.
+        variant: The arm by name, whose bus has 50 Hz: a variant of the test bed, or another one.
+        joint: The joint that is excited and measured, any that a pin does not hold; of another arm what comes after
+            the arm's own name is enough.
         excitation: One of `PERIODS`. `multisine`: random phases, equal lines up to 5 Hz. `prbs`: binary sequences of
             the thesis' clock. `chirp`: a sweep from 0.5 to 4.5 Hz.
         mrad: Root mean square of the angle commanded at the stick, mrad.
@@ -64,9 +65,16 @@ class TwinName:
 
     def __post_init__(self) -> None:
         # A pin holds an indexed joint: nothing can be identified there.
-        indexed = VARIANTS[self.variant].indexed if self.variant in VARIANTS else ()
-        free = tuple(joint for joint in JOINTS if joint not in indexed)
-        for field, names in (("variant", tuple(VARIANTS)), ("joint", free), ("excitation", tuple(PERIODS))):
+        arm = known_arm(self.variant)
+        if arm.sample_rate != SAMPLE_RATE:
+            raise ScenarioError(
+                f"arm {self.variant} at {arm.sample_rate} Hz given, expected one whose bus has {SAMPLE_RATE} Hz"
+            )
+        named_alike = [joint for joint in arm.free if joint.endswith(f"_{self.joint}")]
+        if self.joint not in arm.free and len(named_alike) == 1:
+            # Joints of many arms begin with the arm's own name, which stands in the problem's already.
+            object.__setattr__(self, "joint", named_alike[0])
+        for field, names in (("joint", arm.free), ("excitation", tuple(PERIODS))):
             if getattr(self, field) not in names:
                 raise ScenarioError(unknown(field, getattr(self, field), names))
         if not 0.0 < self.mrad <= 1000.0:
@@ -131,12 +139,13 @@ class TwinName:
         waveform = self.waveform_seed(seed)
         if self.excitation == "multisine":
             multisines = self.multisines(waveform)
-            experiment = MultisineExperiment(str(self), (self.joint,), multisines, variant=self.variant, seed=seed)
+            experiment = replace(self.setting(seed), multisines=multisines)
             # It raises here, before a batch begins, where the converter cannot play the amplitude.
             experiment.volts()
             return experiment
         excitation = Excitation(self.excitation, self._settings(waveform))
         # Names of scenarios are names of files too, which have no @.
+        arm = known_arm(self.variant)
         return Scenario(
             name=str(self).replace("@", "+"),
             axes=(self.joint,),
@@ -144,7 +153,21 @@ class TwinName:
             duration=(SETTLING + self.samples) * SAMPLE_TIME,
             seed=seed,
             variant=self.variant,
+            payload=arm.tuned_payload,
+            pose=arm.operating_pose,
             hand_controller=LARGE_MOTION,
+        )
+
+    def setting(self, seed: int) -> MultisineExperiment:
+        """An experiment on the joint at the arm's operating pose."""
+        arm = known_arm(self.variant)
+        return MultisineExperiment(
+            str(self),
+            (self.joint,),
+            variant=self.variant,
+            payload=arm.tuned_payload,
+            pose=arm.operating_pose,
+            seed=seed,
         )
 
     def _settings(self, waveform: int) -> dict[str, Any]:

@@ -6,7 +6,6 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from hmtb_twin import JointTruth, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE
 from scenarios.datasets.arm_truth import arm_truth
 from scenarios.estimators.task import Task
 from scenarios.problems.problem import Problem, common_frequencies
@@ -116,4 +115,5 @@ class TwinProblem(Problem):
 
 @lru_cache(maxsize=32)
 def _joint_truth(variant: str, joint: str) -> JointTruth:
-    return arm_truth(load_arm(variant), OPERATING_POSE).joint(joint)
+    arm = load_arm(variant)
+    return arm_truth(arm, arm.description.operating_pose).joint(joint)
