@@ -39,6 +39,7 @@ def arm_scene(arm: Arm) -> mujoco.MjModel:
     if rigid is None:
         raise TwinError(f"{arm.variant}: no files of its own given, expected an arm from an MJCF or a URDF")
     spec = _shapes_of_file(rigid)
+    # Without shapes that load the arm is drawn from its joints alone.
     if spec is None:
         spec = _simple_links(rigid)
     for key in list(spec.keys):
@@ -123,6 +124,7 @@ def _simple_links(rigid: RigidModel) -> mujoco.MjSpec:
     bodies = [body for body in spec.bodies if body.name != "world"]
     steps = [float(np.linalg.norm(body.pos)) for body in bodies]
     radius = SLENDER * max(sum(steps), 0.1)
+    # The chain is serial: each body hangs on the one before it.
     for parent, child, length in zip([spec.worldbody, *bodies[:-1]], bodies, steps, strict=True):
         if length > 0.3 * radius:
             parent.add_geom(
@@ -142,6 +144,7 @@ def _extent(spec: mujoco.MjSpec, arm: Arm) -> tuple[float, np.ndarray, float]:
     model = spec.compile()
     data = mujoco.MjData(model)
     pose_scene(model, data, arm, arm.pose(arm.description.operating_pose))
+    # Shapes reach beyond the frames of their bodies.
     points = data.geom_xpos if model.ngeom else data.xpos
     sizes = model.geom_rbound if model.ngeom else np.zeros(model.nbody)
     lowest = float((points[:, 2] - sizes).min())
@@ -150,52 +153,24 @@ def _extent(spec: mujoco.MjSpec, arm: Arm) -> tuple[float, np.ndarray, float]:
 
 
 def _furnish(spec: mujoco.MjSpec, lowest: float, middle: np.ndarray, extent: float) -> None:
-    """Add floor, sky, lamps and cameras."""
+    """Add sky, floor, lamps and cameras about an arm of a middle (3,), m, and a radius, m."""
+    # Light from the viewer keeps the shadows of the lamps from being black.
     spec.visual.headlight.ambient, spec.visual.headlight.diffuse = [0.36] * 3, [0.40] * 3
+    # Small arms are seen from near: what is closer than a centimetre is cut off.
     spec.visual.map.znear, spec.visual.map.zfar = 0.01, 50.0
     spec.stat.extent, spec.stat.center = max(2.0 * extent, 0.1), list(middle)
-    builtin = mujoco.mjtBuiltin
-    spec.add_texture(
-        name="scene_sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=builtin.mjBUILTIN_GRADIENT,
-        rgb1=[0.62, 0.67, 0.73],
-        rgb2=[0.30, 0.34, 0.40],
-        width=256,
-        height=256,
-    )
-    spec.add_texture(
-        name="scene_floor",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=builtin.mjBUILTIN_CHECKER,
-        rgb1=[0.47, 0.49, 0.51],
-        rgb2=[0.43, 0.45, 0.47],
-        width=256,
-        height=256,
-    )
-    floor = spec.add_material(name="scene_floor", texrepeat=[8, 8], specular=0.1)
-    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "scene_floor"
-    world = spec.worldbody
-    side = max(6.0 * extent, 1.0)
-    # A base that reaches below zero stands on a floor of its own height.
-    world.add_geom(
-        name="scene_floor",
-        type=mujoco.mjtGeom.mjGEOM_PLANE,
-        size=[side, side, 0.1],
-        pos=[middle[0], middle[1], min(lowest, 0.0)],
-        material="scene_floor",
-        contype=0,
-        conaffinity=0,
-    )
+    _add_sky_and_floor(spec, lowest, middle, extent)
     for number, offset in enumerate(((1.5, -2.0, 3.0), (-1.0, 2.5, 2.5))):
         position = middle + extent * np.array(offset)
-        world.add_light(
+        spec.worldbody.add_light(
             name=f"scene_lamp_{number}",
             pos=list(position),
             dir=list(middle - position),
             diffuse=[0.6 - 0.25 * number] * 3,
+            # Two shadows of every link would confuse the eye.
             castshadow=number == 0,
         )
+    # A sphere about the arm fills four fifths of the picture's height.
     distance = 1.25 * extent / np.tan(0.5 * np.radians(FIELD))
     for name, direction in VIEWS.items():
         towards = np.array(direction) / np.linalg.norm(direction)
@@ -205,7 +180,34 @@ def _furnish(spec: mujoco.MjSpec, lowest: float, middle: np.ndarray, extent: flo
         axes = np.column_stack((right, np.cross(towards, right), towards))
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, axes.ravel())
-        world.add_camera(name=name, pos=list(middle + distance * towards), quat=list(quaternion), fovy=FIELD)
+        position = middle + distance * towards
+        spec.worldbody.add_camera(name=name, pos=list(position), quat=list(quaternion), fovy=FIELD)
+
+
+def _add_sky_and_floor(spec: mujoco.MjSpec, lowest: float, middle: np.ndarray, extent: float) -> None:
+    """Add a sky, and a chequered floor at the height of the lowest point, m, or at zero above it."""
+    gradient, checker = mujoco.mjtBuiltin.mjBUILTIN_GRADIENT, mujoco.mjtBuiltin.mjBUILTIN_CHECKER
+    skybox, flat = mujoco.mjtTexture.mjTEXTURE_SKYBOX, mujoco.mjtTexture.mjTEXTURE_2D
+    # Greys, so that arms of any colour stand out.
+    for name, kind, pattern, first, second in (
+        ("scene_sky", skybox, gradient, [0.62, 0.67, 0.73], [0.30, 0.34, 0.40]),
+        ("scene_floor", flat, checker, [0.47, 0.49, 0.51], [0.43, 0.45, 0.47]),
+    ):
+        spec.add_texture(name=name, type=kind, builtin=pattern, rgb1=first, rgb2=second, width=256, height=256)
+    floor = spec.add_material(name="scene_floor", texrepeat=[8, 8], specular=0.1)
+    floor.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "scene_floor"
+    side = max(6.0 * extent, 1.0)
+    # A base that reaches below zero stands on a floor of its own height.
+    height = min(lowest, 0.0)
+    spec.worldbody.add_geom(
+        name="scene_floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[side, side, 0.1],
+        pos=[middle[0], middle[1], height],
+        material="scene_floor",
+        contype=0,
+        conaffinity=0,
+    )
 
 
 def pose_scene(model: mujoco.MjModel, data: mujoco.MjData, arm: Arm, angles: np.ndarray) -> None:

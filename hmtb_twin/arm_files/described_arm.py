@@ -47,13 +47,8 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
     file = read_model_file(path)
     arm = rigid_arm(file, joints=settings.joints, locked=settings.locked, tool=settings.tool)
     remarks = (*arm.remarks, *check_second_reading(file, arm))
-    for joint in settings.joint:
-        if joint not in arm.joints:
-            raise TwinError(f"joint.{joint}: no joint of the arm, available: {', '.join(arm.joints)}")
     gravity = -float(file.model.opt.gravity[2])
-    numbers = []
-    for joint in arm.joints:
-        numbers.append(rules.Numbers(joint, settings.of_joint(joint), _read(file, arm, joint)))
+    numbers = _numbers(file, arm, settings)
     motions = {one.joint: rules.motion(one) for one in numbers}
     weights = Weights(arm.mjcf, gravity)
     largest_weights = weights.largest(motions)
@@ -72,10 +67,6 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
     operating = settings.operating_pose or _operating_pose(poses, motions, efforts, weights)
     if operating not in poses:
         raise TwinError(f"operating_pose = {operating!r} given, available: {', '.join(poses)}")
-    given_gains = _given_gains(settings, arm.joints)
-    payloads: dict[str, Payload | Load | None] = {"none": None}
-    for payload, load in settings.payloads.items():
-        payloads[payload] = Load(load.mass, load.centre, load.inertia)
     return ArmDescription(
         name=name,
         description=settings.title or f"{len(arm.joints)} joints of {path.name}, {settings.drives} drives",
@@ -86,7 +77,8 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
         bus=bus,
         poses=poses,
         operating_pose=operating,
-        payloads=payloads,
+        payloads=_payloads(settings),
+        # Servos are tuned without a load, as a manufacturer would who does not know it.
         tuned_payload="none",
         gravity=gravity,
         rigid=RigidModel(arm.mjcf, str(path), arm.locked),
@@ -94,10 +86,30 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
         servo=settings.servo or "torque",
         sample_rate=settings.sample_rate,
         power_unit=_power_unit(drives.values()),
-        given_gains=given_gains,
+        given_gains=_given_gains(settings, arm.joints),
         numbers=tuple(chain.from_iterable(one.table for one in numbers)),
         remarks=remarks,
     )
+
+
+def _numbers(file: ModelFile, arm: RigidArm, settings: ArmSettings) -> list[rules.Numbers]:
+    """What is known of each joint, from its user and from the model file."""
+    for joint in settings.joint:
+        # A misspelt name would silently leave its joint with what a rule assumes.
+        if joint not in arm.joints:
+            raise TwinError(f"joint.{joint}: no joint of the arm, available: {', '.join(arm.joints)}")
+    numbers = []
+    for joint in arm.joints:
+        numbers.append(rules.Numbers(joint, settings.of_joint(joint), _read(file, arm, joint)))
+    return numbers
+
+
+def _payloads(settings: ArmSettings) -> dict[str, Payload | Load | None]:
+    """Payloads of an arm by name: none at all, and the user's."""
+    payloads: dict[str, Payload | Load | None] = {"none": None}
+    for name, load in settings.payloads.items():
+        payloads[name] = Load(load.mass, load.centre, load.inertia)
+    return payloads
 
 
 def _read(file: ModelFile, arm: RigidArm, joint: str) -> dict[str, float]:
@@ -108,6 +120,7 @@ def _read(file: ModelFile, arm: RigidArm, joint: str) -> dict[str, float]:
         read["lower"], read["upper"] = (float(end) for end in model.jnt_range[i])
     dof = int(model.jnt_dofadr[i])
     facts = file.facts.get(joint)
+    # A URDF says of a joint what MuJoCo's model of it does not keep.
     if facts is not None:
         values = {
             "effort": facts.effort,
@@ -171,6 +184,7 @@ class Weights:
 
     def largest(self, motions: Mapping[str, Motion]) -> np.ndarray:
         """Largest torque on each joint (n,), N m, over random poses in its range."""
+        # The same poses each time: what is assumed must not depend on chance.
         rng = np.random.default_rng(0)
         lower = [motion.lower for motion in motions.values()]
         upper = [motion.upper for motion in motions.values()]
@@ -183,6 +197,7 @@ def _poses(
 ) -> dict[str, tuple[float, ...]]:
     """Poses by name: the user's, keyframes and group states of the files, the middle of the ranges, and zero."""
     poses: dict[str, tuple[float, ...]] = {}
+    # The user's stand first: a pose of the same name in the files does not replace them.
     for name, angles in settings.poses.items():
         if len(angles) != len(arm.joints):
             raise TwinError(f"poses.{name}: {len(angles)} angles given, expected {len(arm.joints)}, one for each joint")
@@ -253,10 +268,12 @@ def _operating_pose(
         return True
 
     clear = [name for name in poses if is_clear(name)]
+    # Most files have none of these names; then the first pose that the drives hold easily will do.
     favourites = [name for name in FAVOURITES if name in clear]
     for name in (*favourites, *clear):
         if ratios[name] < HOLDING:
             return name
+    # A weak arm is excited where it is least loaded.
     best = min(clear or poses, key=lambda name: ratios[name])
     if ratios[best] >= 1.0:
         raise TwinError(
@@ -280,6 +297,7 @@ def _given_gains(settings: ArmSettings, joints: Sequence[str]) -> dict[str, tupl
 
 def _power_unit(drives: Iterable[Drive]) -> PowerUnit:
     """A pump that feeds all valves of an arm at once, with the droop and the accumulator that go with its size."""
+    # A fifth to spare, as the pump of the test bed has it.
     flow = 1.2 * sum(drive.rated_flow for drive in drives if isinstance(drive, Actuator))
     size = max(flow / POWER_UNIT.largest_flow, 1.0)
     return PowerUnit(size * POWER_UNIT.largest_flow, size * POWER_UNIT.droop, size * POWER_UNIT.capacity)

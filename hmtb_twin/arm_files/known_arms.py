@@ -87,11 +87,13 @@ def robots_folder() -> Path | None:
 
 def _files(place: Path) -> tuple[Path, Path | None]:
     """Model file and settings file, if there is one, of a place: a model, a settings file, or a folder of them."""
+    # A file alone has no settings: those of its folder may be of another one.
     if place.is_file() and place.name.endswith(ENDINGS):
         return place, None
     toml = place if place.name.endswith(".toml") else place / FILE_NAME
     if toml.is_file():
         settings = read_arm_toml(toml)
+        # Settings may stand alone, and name a model that comes with a package.
         if settings.model:
             return _model_of(toml, settings.model), toml
         return _only_model(toml.parent), toml
@@ -122,6 +124,7 @@ def _only_model(folder: Path) -> Path:
     candidates = sorted(file for file in folder.iterdir() if file.suffix in ENDINGS and file.is_file())
     models = [file for file in candidates if "scene" not in file.stem] or candidates
     named = [file for file in models if file.stem in (folder.name, *folder.name.split("_"))]
+    # As menagerie has it: `franka_emika_panda/panda.xml` beside `hand.xml` and `scene.xml`.
     if len(named) == 1:
         return named[0]
     if len(models) != 1:

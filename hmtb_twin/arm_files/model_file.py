@@ -68,6 +68,7 @@ def read_model_file(path: Path) -> ModelFile:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise TwinError(f"{path.name}: no XML: {error}") from error
+    # The first element tells which of the two languages it is, whatever the ending.
     if root.tag == "robot":
         return _read_urdf(path, root)
     if root.tag == "mujoco":
@@ -89,6 +90,7 @@ def _read_urdf(path: Path, root: ElementTree.Element) -> ModelFile:
     """Compile a URDF without its shapes, which have no part in its dynamics."""
     facts = dict(_facts_of_joints(path.name, root))
     for link in root.iter("link"):
+        # Meshes in forms that MuJoCo does not read would keep it from reading the links.
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(shape)
     for joint in root.findall("joint"):

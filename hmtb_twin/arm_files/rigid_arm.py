@@ -107,6 +107,7 @@ def _chosen(file: ModelFile, wanted: Sequence[str], locked: Mapping[str, float])
                 f"{name}: joint name {shown(names[i])} given, expected letters, digits, '_', '.', '-' or '+', at most "
                 "64: files are named after it"
             )
+    # MuJoCo numbers joints from the base outward.
     ordered = sorted(ids)
     if list(ids) != ordered or len(set(ids)) < len(ids):
         expected = ", ".join(names[i] for i in sorted(set(ids)))
@@ -214,6 +215,7 @@ def _held(file: ModelFile, ids: Sequence[int], locked: Mapping[str, float]) -> d
     """Where joints are held that are none of the arm's; a floating base stays where it is."""
     model, held = file.model, {}
     for i in range(model.njnt):
+        # A floating base stays where the file puts it.
         if i in ids or _kind(model, i) in ("free", "ball"):
             continue
         name = model.joint(i).name
@@ -258,6 +260,7 @@ def _tool(file: ModelFile, data: mujoco.MjData, last_joint: int, wanted: str) ->
                 f"{file.path.name}: unknown tool {shown(wanted)}, available on the last link: {', '.join(frames)}"
             )
         return wanted, frames[wanted]
+    # A file that names a tool, a flange or an attachment means it.
     for part in TOOL_NAMES:
         for name in frames:
             # A gripper's fingers hang on the hand, which is the tool.
@@ -283,6 +286,7 @@ def _mjcf(name: str, model: mujoco.MjModel, data: mujoco.MjData, ids: Sequence[i
     parent = ElementTree.SubElement(root, "worldbody")
     links = list(dict.fromkeys(int(model.jnt_bodyid[i]) for i in ids))
     origin: Pose = (np.zeros(3), np.eye(3))
+    # Bodies that no joint of the arm parts become one link; those that stand still are the ground.
     for place, link in enumerate(links):
         frame = (data.xpos[link], data.xmat[link].reshape(3, 3))
         link_name = model.body(link).name or f"link_{place + 1}"

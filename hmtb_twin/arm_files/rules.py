@@ -63,6 +63,7 @@ class Numbers:
 
     def number(self, name: str, unit: str, rule: float, why: str) -> float:
         """Return a number: the user's, else the file's, else that of the rule, and note where it is from."""
+        # Whoever has the arm knows more than its model file, and that more than any rule.
         own: Given | None = getattr(self.given, name)
         if own is not None:
             value, tag, source = own.value, own.tag, own.source
@@ -102,6 +103,7 @@ def electric_drive(numbers: Numbers, torque: float, velocity: float) -> Electric
             f"{numbers.joint}: a speed of {speed:g} rad/s without load given, expected more than the velocity limit "
             f"of {velocity:g} rad/s"
         )
+    # The size of the current is arbitrary: only its product with the torque constant shows at the joint.
     constant = torque / current
     voltage = constant * speed
     # At the velocity limit the drive has its largest torque left.
@@ -166,6 +168,7 @@ def _friction(numbers: Numbers, usual: Friction, torque: float, speed: float) ->
 def drive(numbers: Numbers, kind: str, torque: float, motion_of_joint: Motion) -> Drive:
     """Drive of a kind of a joint."""
     velocity = motion_of_joint.velocity_limit
+    # The range decides how much oil the chambers hold.
     if kind == "hydraulic":
         return hydraulic_drive(numbers, torque, velocity, motion_of_joint.upper - motion_of_joint.lower)
     return electric_drive(numbers, torque, velocity)
@@ -175,6 +178,7 @@ def servo(numbers: Numbers) -> Servo:
     """Wanted poles of a joint's position servo."""
     bandwidth = numbers.number("bandwidth", "Hz", BANDWIDTH, "of a position servo; those of robots reach several Hz")
     spread = numbers.number("damping", "1", SPREAD, "faster pole over the slower one: well damped")
+    # The slower pole decides the bandwidth; the faster one takes a few percent of it.
     slow = -2.0 * pi * bandwidth
     return Servo(slow_pole=slow, fast_pole=spread * slow)
 

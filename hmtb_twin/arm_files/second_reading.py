@@ -45,6 +45,7 @@ def check_second_reading(file: ModelFile, arm: RigidArm) -> tuple[str, ...]:
     model.opt.gravity = file.model.opt.gravity
     data, scratch = mujoco.MjData(model), peer.createData()
     frame = _frame(peer, TOOL_SITE if remarks else arm.tool)
+    # Far from zero, where wrong axes or frames would not show.
     rng = np.random.default_rng(0)
     for _ in range(POSES):
         angles = rng.uniform(-1.5, 1.5, len(arm.joints))
@@ -96,6 +97,7 @@ def _reduced(file: ModelFile, arm: RigidArm) -> pin.Model:
         locked.append(k)
         if name in arm.locked:
             _set_angle(whole, q, k, arm.locked[name])
+    # Joints that are held make their links one, as in our own reading.
     reduced = pin.buildReducedModel(whole, locked, q)
     names = tuple(name.removesuffix(JOINT) for name in reduced.names[1:])
     if names != arm.joints:

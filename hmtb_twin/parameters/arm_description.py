@@ -95,6 +95,7 @@ class ArmDescription:
             missing = [joint for joint in self.joints if joint not in getattr(self, kind)]
             if missing:
                 raise TwinError(f"{self.name}: no {kind} of {', '.join(missing)} given, expected one of each joint")
+        # Servos are tuned at this pose: without it there is no arm.
         if self.operating_pose not in self.poses:
             raise TwinError(
                 f"{self.name}: operating pose {self.operating_pose!r} given, available: {', '.join(self.poses)}"

@@ -121,9 +121,7 @@ def truth(
         "process_noise": process_noise,
         "load_flow_slope": load_flow_slope,
     }
-    if arm is not None and variant is not None:
-        raise ScenarioError(f"--arm {arm} and --variant {variant} given, expected one of them: both name the arm")
-    stated = {"variant": arm if variant is None else variant, "payload": payload, "pose": pose, **conditions}
+    stated = {"variant": _named_arm(arm, variant), "payload": payload, "pose": pose, **conditions}
     stated = {name: value for name, value in stated.items() if value is not None}
     # Refused before the arm is linearised, which takes seconds.
     check_seed(seed)
@@ -156,6 +154,13 @@ def truth(
     if files:
         say_next("truth", "--maps", "--out", files[0].with_name("maps"))
     return 0
+
+
+def _named_arm(arm: str | None, variant: str | None) -> str | None:
+    """The arm that --arm or --variant names; None where neither does."""
+    if arm is not None and variant is not None:
+        raise ScenarioError(f"--arm {arm} and --variant {variant} given, expected one of them: both name the arm")
+    return arm if variant is None else variant
 
 
 def _check_sizes(bla: float | None, density: float | None, *, maps: bool) -> None:
