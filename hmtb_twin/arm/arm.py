@@ -62,6 +62,10 @@ class Arm:
     servos: Mapping[str, Servo]
     gains: Mapping[str, ServoGains]
 
+    def __repr__(self) -> str:
+        """Name what it was loaded from, not its matrices."""
+        return f"Arm({self.variant!r}, payload={self.payload!r}, {len(self.joints)} joints, {self.drives_kind} drives)"
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of its joints from the base outward."""

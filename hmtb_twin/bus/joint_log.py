@@ -6,14 +6,20 @@ from functools import cache, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
 from hmtb_twin.parameters.values import JOINTS
 from sysid import IOData
+
+if TYPE_CHECKING:
+    import pandas
+    import xarray
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
@@ -116,6 +122,12 @@ class JointLog:
     def __len__(self) -> int:
         return len(self.commanded)
 
+    def __repr__(self) -> str:
+        """Name the experiment and its length, not its samples."""
+        arm = self.provenance.get("variant", "unknown")
+        seconds = len(self) * self.dt
+        return f"JointLog({self.name!r}, arm {arm!r}, axes {', '.join(self.axes)}, {len(self)} samples, {seconds:g} s)"
+
     def __reduce__(self) -> "tuple[Callable[[], JointLog], tuple[()]]":
         # Locked mappings cannot be pickled.
         return partial(JointLog, **{**vars(self), "provenance": dict(self.provenance)}), ()
@@ -171,6 +183,53 @@ class JointLog:
             input_units=("rad",) * len(chosen),
             output_units=("rad",) * len(chosen),
         )
+
+    @property
+    def effort(self) -> np.ndarray:
+        """Torque of each drive on its joint (N, n), N m, ahead of friction, from its load pressure or its current.
+
+        Raises:
+            TwinError: The log does not say of which arm it is, or that arm's files are gone.
+        """
+        arm = arm_named(self.provenance.get("variant", ""))
+        motors = [arm.actuators[joint].motor for joint in self.joints]
+        largest = np.array([motor.maximum_torque for motor in motors])
+        return np.clip(self.load_pressure * [motor.constant for motor in motors], -largest, largest)
+
+    def to_xarray(self) -> "xarray.Dataset":
+        """Return all channels as a data set of xarray, with names, units and the time in s."""
+        import xarray
+
+        labels: dict[str, Sequence[str]] = {"joint": self.joints, "component": WRENCH, "axis": self.axes, "pose": POSE}
+        variables, used = {}, set[str]()
+        for name, (along, unit, meaning) in self._channels().items():
+            dims = ("time", along) if along else ("time",)
+            used.update(dims)
+            variables[name] = (dims, getattr(self, name), {"units": unit, "long_name": meaning})
+        variables["effort"] = (("time", "joint"), self.effort, {"units": "N m", "long_name": "torque of each drive"})
+        coordinates: dict[str, tuple[str, object, dict[str, str]]] = {"time": ("time", self.time, {"units": "s"})}
+        coordinates |= {name: (name, list(values), {}) for name, values in labels.items() if name in used}
+        return xarray.Dataset(variables, coordinates, {"title": self.name, "seed": self.seed, **self.provenance})
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return all channels as a table of pandas: a column for each number of a sample, the time in s as index."""
+        import pandas
+
+        labels: dict[str | None, Sequence[str]] = {
+            "joint": self.joints,
+            "component": WRENCH,
+            "axis": self.axes,
+            "pose": POSE,
+        }
+        columns: dict[str, np.ndarray] = {}
+        for name, (along, _, _) in {**self._channels(), "effort": ("joint", "", "")}.items():
+            values = getattr(self, name)
+            if along is None:
+                columns[name] = values
+                continue
+            for label, column in zip(labels[along], values.T, strict=True):
+                columns[f"{label}_{name}"] = column
+        return pandas.DataFrame(columns, index=pandas.Index(self.time, name="time"))
 
     def save(self, path: str | Path) -> Path:
         """Write the log as NetCDF4 and return its path; raises `TwinError` where it cannot be written."""

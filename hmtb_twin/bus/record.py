@@ -92,7 +92,16 @@ class BusRecord:
 
     @classmethod
     def of(cls, log: JointLog) -> "BusRecord":
-        """Return the part of a log that passes over the bus, not yet rounded to 16-bit words."""
+        """Return the part of a log that passes over the bus, not yet rounded to 16-bit words.
+
+        Raises:
+            TwinError: A log of another arm: the words of the bus are those of the joints of the test bed.
+        """
+        if log.joints != JOINTS:
+            raise TwinError(
+                f"{log.name}: joints {', '.join(log.joints)} given, expected those of the test bed, which the words of "
+                "its bus are named after; logs of other arms are kept as NetCDF (nc)"
+            )
         flags = np.zeros(len(log))
         return cls(log.name, log.dt, tuple(log.axes), log.commanded, log.measured, log.wrench, log.status, flags)
 

@@ -181,9 +181,15 @@ def axis_names(mode: str, variant: str = "nominal") -> tuple[str, ...]:
     """Return the axes that the stick can move in a mode on a variant; raises `TwinError` for unknown ones."""
     if mode not in MODES:
         raise TwinError(f"unknown mode {mode!r}, available: {', '.join(MODES)}")
-    if mode.startswith("cartesian"):
-        return TOOL_AXES
-    return arm_named(variant).free
+    arm = arm_named(variant)
+    if not mode.startswith("cartesian"):
+        return arm.free
+    if arm.rigid is not None:
+        raise TwinError(
+            f"mode {mode} given for the arm {variant}, expected single_joint or single_joint_rate: the Cartesian modes "
+            "are of the chain of the test bed"
+        )
+    return TOOL_AXES
 
 
 def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> np.ndarray:

@@ -137,6 +137,10 @@ class ArmDescription:
                     f"expected at most {passive:.3g}: beyond, the friction is not passive"
                 )
 
+    def __repr__(self) -> str:
+        """Name the arm and its joints, not its numbers."""
+        return f"ArmDescription({self.name!r}, joints=({', '.join(self.joints)}), {self.description!r})"
+
     @property
     def sample_time(self) -> float:
         """Period of the position loop, s."""

@@ -51,7 +51,7 @@ Progress = Callable[[int, int], None]
 """Called with the completed ticks and the total, summed over experiments."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Logs(Sequence[JointLog]):
     """Logs of experiments in their order, without those that failed.
 
@@ -74,6 +74,11 @@ class Logs(Sequence[JointLog]):
     def __getitem__(self, index: int | slice) -> JointLog | tuple[JointLog, ...]:
         return self.logs[index]
 
+    def __repr__(self) -> str:
+        """Name the logs, and how many experiments failed."""
+        names = ", ".join(log.name for log in self.logs)
+        return f"Logs({names or 'none'}; {len(self.failed)} failed)"
+
     def __len__(self) -> int:
         return len(self.logs)
 
@@ -82,7 +87,7 @@ class Logs(Sequence[JointLog]):
 
 
 def simulate(
-    experiments: Sequence[Experiment],
+    experiments: Experiment | Sequence[Experiment],
     *,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -91,7 +96,7 @@ def simulate(
     """Simulate experiments, all on arms of one structure as rows of one `mujoco.batch.Batch`, each on its own model.
 
     Args:
-        experiments: The experiments.
+        experiments: The experiments, or one.
         threads: Threads for the physics; all processors by default. The bits of the logs depend neither on it nor on
             which experiments run side by side.
         progress: Called with the completed ticks and the total.
@@ -109,6 +114,8 @@ def simulate(
     """
     if threads is not None and not (isinstance(threads, int) and 1 <= threads <= MOST_THREADS):
         raise TwinError(f"threads = {threads} given, expected a whole number from 1 to {MOST_THREADS}")
+    if not isinstance(experiments, Sequence):
+        experiments = (experiments,)
     rows, failures = _prepared(experiments, keep_going=keep_going)
     groups: dict[Hashable, list[ExperimentRow]] = defaultdict(list)
     for row in rows.values():

@@ -4,8 +4,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from hmtb_twin import linearize, load_arm
+from hmtb_twin import linearize, load_arm, simulate
 from hmtb_twin.truth.linearization import simulated
+from scenarios import load
 from tests.independent_arm import IndependentArm
 
 ARMS = ("panda", "ur10", "xarm7", "kinova")
@@ -89,3 +90,21 @@ def test_numbers_are_given_read_or_assumed(folder):
     assert truth.spectral_radius < 1.0
     assert truth.dt == 1.0 / 200
     assert truth.small_signal_error[1e-3] < 1e-2
+
+
+@pytest.mark.parametrize("name", ["siso-5-elbow_pitch", "prbs-panda_joint4"])
+def test_logs_as_tables_hold_every_number_and_the_torques_that_carry_the_weight(name):
+    other = name.partition("panda")[1] or None
+    (log,) = simulate(load(name, duration=4.0, arm=other))
+    table, arrays = log.to_dataframe(), log.to_xarray()
+    arm = load_arm(log.provenance["variant"])
+    joint = log.axes[0]
+    np.testing.assert_array_equal(table[f"{joint}_measured"], log.measured[:, log.joint_index(joint)])
+    np.testing.assert_array_equal(arrays.commanded.sel(joint=joint), log.commanded[:, log.joint_index(joint)])
+    np.testing.assert_array_equal(table.index, log.time)
+    assert table.shape[1] == sum(array[0].size for array in arrays.data_vars.values())
+    weight = arm.weight(arm.pose(arm.description.operating_pose))
+    np.testing.assert_allclose(log.effort[0], weight, atol=1e-9)
+    np.testing.assert_allclose(arrays.effort.mean("time"), weight, atol=0.02 * np.abs(weight).max())
+    assert name in repr(log)
+    assert max(len(repr(one)) for one in (log, arm, arm.description, simulate([]))) < 300
