@@ -140,7 +140,7 @@ def _excitation(
     """Build the excitation from options of the command; errors name them as they were typed."""
     from inspect import Parameter, signature
 
-    from scenarios.experiments.excitation import KINDS
+    from scenarios.experiments.excitation import COMPUTED
     from scenarios.experiments.excitation_computer import FILE, Excitation
     from scenarios.experiments.waveform import read_points
 
@@ -150,11 +150,11 @@ def _excitation(
                 f"custom points come from a file: hmtb waveform {FILE} --path FILE, and --repeat-frequency at most"
             )
         return Excitation("points", {"points": read_points(path)}, repeat_frequency)
-    if kind not in KINDS:
-        raise ScenarioError(unknown("excitation", kind, [FILE, *(name for name in KINDS if name != "points")]))
+    if kind not in COMPUTED:
+        raise ScenarioError(unknown("excitation", kind, [FILE, *COMPUTED]))
     if path is not None:
         raise ScenarioError(f"{kind} has no --path; a custom file is shown by: hmtb waveform {FILE} --path FILE")
-    parameters = signature(KINDS[kind]).parameters
+    parameters = signature(COMPUTED[kind]).parameters
     takes = ", ".join(f"--{_flag(name)}" for name in parameters)
     for name in options:
         if name not in parameters:

@@ -1,4 +1,4 @@
-"""Excitations, each one period as a 100-point file [Morris1996, sec. II.2]; `KINDS` lists them by name.
+"""Excitations, each one period as a 100-point file [Morris1996, sec. II.2], or a record; `KINDS` lists them by name.
 
 At the default update rate of 50 Hz the file lasts 2 s, so a waveform repeats without a jump when it holds a whole
 number of cycles in 2 s. Amplitudes are peaks in V; seeds draw all that is random.
@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from hmtb_twin.parameters.values import SAMPLE_RATE
-from scenarios.experiments.waveform import POINTS, WINDOW, Waveform, check_seed, points
+from scenarios.experiments.waveform import POINTS, WINDOW, Waveform, check_seed, points, record
 from scenarios.files.errors import ScenarioError
 from sysid.design import idinput, sum_of_sines
 from sysid.design.idinput import LONGEST_REGISTER, shortest_register
@@ -303,15 +303,20 @@ def _check_band(*frequencies: float) -> None:
 
 _FUNCTIONS: tuple[Callable[..., Waveform], ...] = (
     *(sine, two_sines, multisine, prbs, sign_recursion, chirp, chirp_as_printed, chirp_franklin),
-    *(bipolar_ramping_pulse, white_noise, points),
+    *(bipolar_ramping_pulse, white_noise, points, record),
 )
 
 KINDS: Mapping[str, Callable[..., Waveform]] = MappingProxyType({f.__name__: f for f in _FUNCTIONS})
 """Every excitation by the name that scenario files use."""
 
+COMPUTED: Mapping[str, Callable[..., Waveform]] = MappingProxyType(
+    {name: function for name, function in KINDS.items() if function not in (points, record)}
+)
+"""Excitations that are computed from a few numbers; the others are a user's own."""
+
 UNITS: Mapping[str, str] = {
     **dict.fromkeys(("amplitude", "offset"), "V"),
     **dict.fromkeys(("frequency", "f_start", "f_end", "f_min", "f_max", "f_low", "f_high", "f_center"), "Hz"),
-    **{"pulse_width": "s", "clock": "samples per bit", "register": "bits", "ramp": "of the file"},
+    **{"pulse_width": "s", "clock": "samples per bit", "register": "bits", "sample_rate": "Hz", "ramp": "of the file"},
 }
 """Units of the parameters of all kinds; those that are missing have none."""

@@ -1,4 +1,4 @@
-"""The excitation computer: plays 100-point files periodically through the converters of its data acquisition board."""
+"""The excitation computer: plays 100-point files, or records, periodically through the converters of its board."""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -8,11 +8,12 @@ from types import MappingProxyType
 from typing import Any, get_type_hints
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
-from scenarios.experiments.waveform import LONGEST, POINTS, Parameter, Waveform, read_points
+from scenarios.experiments.waveform import LONGEST, Parameter, Waveform, read_points, read_samples
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
@@ -36,7 +37,8 @@ class Excitation:
         kind: Name of the excitation, one of `KINDS`.
         parameters: Its arguments by name; those left out keep their defaults.
         repeat_frequency: How often the file repeats per second, Hz; by default as the excitation was meant: 0.5 Hz, or
-            0.25 Hz for `two_sines` whose lower tone needs 4 s. It scales every frequency of the file.
+            0.25 Hz for `two_sines` whose lower tone needs 4 s, a record at its own rate. It scales every frequency of
+            the file.
         iterations: How often the file is played, then 0 V; until the end by default.
     """
 
@@ -66,11 +68,51 @@ class Excitation:
         return (Excitation, (self.kind, dict(self.parameters), self.repeat_frequency, self.iterations))
 
     def waveform(self) -> Waveform:
-        """The 100-point file, with the update rate at which it is played."""
+        """One period, a file's 100 points or a record, with the update rate at which it is played."""
         with np.errstate(over="ignore", invalid="ignore"):  # what overflows is refused as no finite number
             waveform = KINDS[self.kind](**self.parameters)
         rate = self.repeat_frequency
-        return waveform if rate is None else replace(waveform, update_rate=POINTS * rate)
+        return waveform if rate is None else replace(waveform, update_rate=len(waveform.points) * rate)
+
+    def __repr__(self) -> str:
+        # A record may have a million samples.
+        parts = [repr(self.kind)]
+        for name, value in (*self.parameters.items(), *((name, getattr(self, name)) for name in SETTINGS)):
+            if value is not None:
+                parts.append(f"{name}=<{len(value)} numbers>" if isinstance(value, tuple) else f"{name}={value!r}")
+        return f"Excitation({', '.join(parts)})"
+
+    @classmethod
+    def from_signal(
+        cls, signal: ArrayLike, sample_rate: float = float(SAMPLE_RATE), *, iterations: int | None = None
+    ) -> "Excitation":
+        """Play a signal of one's own, of any length, e.g. the input that `sysid.design_input` returns.
+
+        Args:
+            signal: Voltages (n,) or (n, 1), V.
+            sample_rate: Samples per second of the signal, Hz.
+            iterations: How often it is played, then 0 V; until the end of the experiment by default.
+
+        Raises:
+            ScenarioError: No signal of one channel, or a sample that is not finite or too large.
+        """
+        try:
+            samples = np.asarray(signal)
+        except ValueError as error:
+            raise ScenarioError("signal: expected real numbers in V (n,), given rows of several lengths") from error
+        # Text, complex numbers and truth values would be converted without a word.
+        if samples.dtype.kind not in "iuf":
+            raise ScenarioError(f"signal: expected real numbers in V (n,), given {samples.dtype} numbers or objects")
+        samples = samples.astype(float)
+        if samples.ndim == 2 and samples.shape[1] == 1:
+            samples = samples[:, 0]
+        if samples.ndim != 1:
+            raise ScenarioError(
+                f"signal: expected one channel (n,) or (n, 1) in V, given an array {samples.shape}; "
+                "for several axes give one excitation each"
+            )
+        parameters: dict[str, Parameter] = {"samples": tuple(samples.tolist()), "sample_rate": float(sample_rate)}
+        return cls("record", parameters, iterations=iterations)
 
     def requested_volts(self, duration: float, *, rate: int = SAMPLE_RATE) -> np.ndarray:
         """Voltage that the file requests of the converter `(N, 1)`, V, at the rate of the position loop in Hz."""
@@ -111,6 +153,10 @@ class Excitation:
                 keys = ", ".join(parameters) or "none of them"
                 raise ScenarioError(f"excitation {FILE!r} takes a path and {', '.join(SETTINGS)}; given {keys}")
             return cls("points", {"points": read_points(folder / parameters["path"])}, **settings)
+        if table["kind"] == "record" and "path" in parameters:
+            if "samples" in parameters or not isinstance(parameters["path"], str):
+                raise ScenarioError("excitation 'record' takes samples, or the path of a file with them; expected one")
+            parameters["samples"] = read_samples(folder / parameters.pop("path"))
         return cls(table["kind"], parameters, **settings)
 
 

@@ -1,4 +1,4 @@
-"""Waveform: one period of an excitation as 100 points in V, as a record and as a file."""
+"""Waveform: one period of an excitation in V, as a record and as a file: 100 points, or a signal of any length."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,6 +25,9 @@ LONGEST = 86_400.0
 LOUDEST = 1000.0
 """Largest voltage that a file may hold, V; the converters saturate at 10 V."""
 
+FASTEST_RECORD = 100_000.0
+"""Highest sampling rate of a record, Hz: the converters' samples per second."""
+
 NO_TEXT = "it is no text, or no path"
 """Reason why a file cannot be read that the operating system does not give."""
 
@@ -44,7 +47,7 @@ class Waveform:
     """One period of an excitation.
 
     Attributes:
-        points: Samples of one period `(100,)`, V.
+        points: Samples of one period `(n,)`, V: 100 of a file, any number of a record.
         kind: Name of the excitation, e.g. ``"prbs"``.
         parameters: Its parameters by name (amplitude in V, frequencies in Hz, times in s).
         update_rate: Rate at which the converter steps through the points, Hz.
@@ -57,8 +60,8 @@ class Waveform:
 
     def __post_init__(self) -> None:
         points = np.array(self.points, dtype=float)
-        if points.shape != (POINTS,) or not np.all(np.isfinite(points)):
-            raise ScenarioError(f"a waveform file holds {POINTS} finite numbers, one period; given {points.size}")
+        if points.ndim != 1 or not len(points) or not np.all(np.isfinite(points)):
+            raise ScenarioError(f"{self.kind}: expected finite numbers in V (n,), given an array {points.shape}")
         if np.abs(points).max() > LOUDEST:
             raise ScenarioError(
                 f"{self.kind}: points up to {np.abs(points).max():g} V given, expected at most {LOUDEST:g} V"
@@ -72,7 +75,7 @@ class Waveform:
     @property
     def period(self) -> float:
         """Length of one period, s."""
-        return POINTS / self.update_rate
+        return len(self.points) / self.update_rate
 
     def play(self, duration: float, *, iterations: int | None = None, rate: int = SAMPLE_RATE) -> np.ndarray:
         """Repeat the file, holding each point until the next.
@@ -95,30 +98,32 @@ class Waveform:
         count = round(rate * duration)
         # The small shift keeps k * update_rate / rate from rounding down onto the point before.
         points_passed = np.floor(np.arange(count) * (self.update_rate / rate) + 1e-9).astype(np.int64)
-        volts = self.points[points_passed % POINTS]
+        volts = self.points[points_passed % len(self.points)]
         if iterations is not None:
-            volts[points_passed >= iterations * POINTS] = 0.0
+            volts[points_passed >= iterations * len(self.points)] = 0.0
         return volts[:, None]
 
     def order_of_excitation(self) -> int:
         """Count the lines of the two-sided spectrum that are not zero [Soderstrom1989, sec. 5.4].
 
-        A sum of m sinusoids has order 2m; a file of 100 points at most 100.
+        A sum of m sinusoids has order 2m; a file of 100 points at most 100, a record of n points at most n.
         """
         # Lines of a millionth of the strongest are none: a file written with nine digits has them everywhere.
         power = np.abs(np.fft.fft(self.points)) ** 2
         # A sine sampled at its zeros has order 0: the floor is the rounding of the parts that cancel.
         amplitude = self.parameters.get("amplitude", 0.0)
-        largest_line = POINTS * amplitude if isinstance(amplitude, float | int) else 0.0
+        largest_line = len(self.points) * amplitude if isinstance(amplitude, float | int) else 0.0
         floor = max(1e-12 * float(power.max()), 1e-20 * largest_line**2)
         return int(np.count_nonzero(power > floor))
 
     def psd(self) -> PowerSpectrum:
         """Return the power spectral density of one period, mean included; its integral is the mean square."""
-        lines = np.fft.rfft(self.points) / POINTS
+        count = len(self.points)
+        lines = np.fft.rfft(self.points) / count
         power = np.abs(lines) ** 2
-        power[1:-1] *= 2.0  # the mirror images; zero and the Nyquist frequency have none
-        return PowerSpectrum(np.fft.rfftfreq(POINTS, 1.0 / self.update_rate), power * self.period)
+        # The mirror images; zero and the Nyquist frequency, which only an even number of points has, have none.
+        power[1 : (count + 1) // 2] *= 2.0
+        return PowerSpectrum(np.fft.rfftfreq(count, 1.0 / self.update_rate), power * self.period)
 
 
 def check_seed(seed: int) -> None:
@@ -158,7 +163,32 @@ def points(*, points: tuple[float, ...]) -> Waveform:
     Raises:
         ScenarioError: Not 100 finite points, or one above `LOUDEST`.
     """
+    if len(points) != POINTS or not np.all(np.isfinite(points)):
+        raise ScenarioError(f"a waveform file holds {POINTS} finite numbers, one period; given {len(points)}")
     return Waveform(np.array(points, dtype=float), "points", {"points": tuple(map(float, points))})
+
+
+def record(*, samples: tuple[float, ...], sample_rate: float = float(SAMPLE_RATE)) -> Waveform:
+    """A signal of one's own, of any length, played from its beginning; it repeats where the experiment is longer.
+
+    The excitation computer of the test bed held 100 points; this is what a laboratory of today plays.
+
+    Args:
+        samples: The signal (n,), V, two samples or more.
+        sample_rate: Its samples per second, Hz.
+
+    Raises:
+        ScenarioError: Fewer than two samples, one that is not finite or above `LOUDEST`, or more than `LONGEST` holds.
+    """
+    if not 0.0 < sample_rate <= FASTEST_RECORD:
+        raise ScenarioError(f"record: sample_rate must be above 0 Hz, up to {FASTEST_RECORD:g} Hz, given {sample_rate}")
+    if not 2 <= len(samples) <= LONGEST * sample_rate:
+        raise ScenarioError(
+            f"record: expected 2 samples or more and at most {LONGEST:g} s of them, given {len(samples)} at "
+            f"{sample_rate:g} Hz"
+        )
+    parameters: dict[str, Parameter] = {"samples": tuple(map(float, samples)), "sample_rate": float(sample_rate)}
+    return Waveform(np.array(samples, dtype=float), "record", parameters, update_rate=float(sample_rate))
 
 
 def read_points(path: str | Path) -> tuple[float, ...]:
@@ -171,13 +201,20 @@ def read_points(path: str | Path) -> tuple[float, ...]:
         ScenarioError: The file cannot be read, or does not hold 100 numbers.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:
-        # A ValueError is raised for a path that contains a null character.
-        reason = error.strerror if isinstance(error, OSError) else NO_TEXT
-        raise _unreadable(str(path), reason) from error
-    return parse_points(content, str(path))
+    return parse_points(_content(path, f"{POINTS} numbers"), str(path))
+
+
+def read_samples(path: str | Path) -> tuple[float, ...]:
+    """Read a signal of any length: numbers in V separated by spaces, commas or lines; comments begin with #.
+
+    Returns:
+        Its samples (n,), V.
+
+    Raises:
+        ScenarioError: The file cannot be read, or holds something else than numbers.
+    """
+    path = Path(path)
+    return parse_numbers(_content(path, "numbers"), str(path), "numbers")
 
 
 def parse_points(content: bytes, source: str) -> tuple[float, ...]:
@@ -187,10 +224,28 @@ def parse_points(content: bytes, source: str) -> tuple[float, ...]:
         content: Its bytes.
         source: Its name, for errors.
     """
+    values = parse_numbers(content, source, f"{POINTS} numbers")
+    try:
+        return tuple(points(points=values).points.tolist())
+    except ScenarioError as error:
+        raise ScenarioError(f"waveform file {source!r}: {error}") from error
+
+
+def parse_numbers(content: bytes, source: str, expected: str) -> tuple[float, ...]:
+    """Read numbers separated by spaces, commas or lines; comments begin with #.
+
+    Args:
+        content: Bytes of the file.
+        source: Its name, for errors.
+        expected: What the file should hold, for errors.
+
+    Raises:
+        ScenarioError: It is no text, or a word in it is no finite number.
+    """
     try:
         lines = content.decode("utf-8-sig").splitlines()
     except UnicodeDecodeError as error:
-        raise _unreadable(source, NO_TEXT) from error
+        raise _unreadable(source, NO_TEXT, expected) from error
     values: list[float] = []
     for line_number, line in enumerate(lines, start=1):
         for word in line.partition("#")[0].replace(",", " ").split():
@@ -202,16 +257,21 @@ def parse_points(content: bytes, source: str) -> tuple[float, ...]:
                 raise ScenarioError(
                     f"waveform file {source!r}, line {line_number}: expected a finite number in V, given {word!r}"
                 )
+    return tuple(values)
+
+
+def _content(path: Path, expected: str) -> bytes:
+    """Read the bytes of a file."""
     try:
-        return tuple(points(points=tuple(values)).points.tolist())
-    except ScenarioError as error:
-        raise ScenarioError(f"waveform file {source!r}: {error}") from error
+        return path.read_bytes()
+    except (OSError, ValueError) as error:
+        # A ValueError is raised for a path that contains a null character.
+        reason = error.strerror if isinstance(error, OSError) else NO_TEXT
+        raise _unreadable(str(path), reason, expected) from error
 
 
-def _unreadable(source: str, reason: str | None) -> ScenarioError:
-    return ScenarioError(
-        f"cannot read waveform file {source!r}: {reason}; expected {POINTS} numbers in V, one per line"
-    )
+def _unreadable(source: str, reason: str | None, expected: str) -> ScenarioError:
+    return ScenarioError(f"cannot read waveform file {source!r}: {reason}; expected {expected} in V, one per line")
 
 
 def points_text(values: Sequence[float]) -> str:

@@ -2,13 +2,14 @@
 
 import warnings
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 import sysid
-from hmtb_twin import JointLog, TwinError, TwinWarning
+from hmtb_twin import JOINTS, JointLog, TwinError, TwinWarning
 from hmtb_twin.bus.joint_log import FORMAT
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.atomic_write import check_place
@@ -123,7 +124,16 @@ def read_parts(
         choice = Choice(inputs, outputs, time, time_unit, dt, missing, cut=True, lost=lost)
         return experiments_of(path, choice)
     except sysid.SysidError as error:
-        raise ScenarioError(_for_users(str(error), path, inputs, outputs)) from error
+        raise ScenarioError(_for_users(str(error), path, inputs, outputs) + _near_joint(joints)) from error
+
+
+def _near_joint(joints: Sequence[str]) -> str:
+    """What a message adds where a table lacks the columns of these joints: a joint of the test bed with a near name."""
+    for joint in joints:
+        near = get_close_matches(joint, JOINTS, 1)
+        if near and joint not in JOINTS:
+            return f"; of --joint {joint}: did you mean {near[0]!r}?"
+    return ""
 
 
 def _check_present(path: Path) -> None:

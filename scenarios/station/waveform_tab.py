@@ -7,7 +7,7 @@ from inspect import Parameter, getdoc, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from scenarios.experiments.excitation import KINDS, UNITS
+from scenarios.experiments.excitation import COMPUTED, KINDS, UNITS
 from scenarios.experiments.excitation_computer import SETTINGS, Excitation
 from scenarios.experiments.excitation_review import check_excites, excitation_rows, excitation_warnings
 from scenarios.experiments.model_structures import needed_orders
@@ -33,6 +33,9 @@ LARGEST_FILE = 65_536
 """Largest file that is read, bytes; a hundred numbers with all their digits take 2,500."""
 
 EVERY_AXIS = "every axis"
+
+SHOWN = (*COMPUTED, "points")
+"""Kinds that the tab has a form for: a record of any length comes from a scenario file."""
 
 
 def excitation_fields(kind: str, values: Mapping[str, Any]) -> list[Field]:
@@ -88,7 +91,7 @@ class WaveformTab:
         self._lock = threading.Lock()  # the last that is taken: nothing outside is called under it
         played = self._session.scenario.excitation
         # Where an operator has the stick, nothing is played.
-        first_played = played[0] if played else Excitation("prbs")
+        first_played = played[0] if played and played[0].kind in SHOWN else Excitation("prbs")
         start = self._session.waveform or first_played
         self._last, self._follows = start, False
         self._shown: Excitation | None = None
@@ -96,11 +99,11 @@ class WaveformTab:
         gui = client.gui
         with gui.add_folder(None):
             self._kind: Any = gui.add_dropdown(
-                "excitation", [*map(kind_word, KINDS)], initial_value=kind_word(start.kind)
+                "excitation", [*map(kind_word, SHOWN)], initial_value=kind_word(start.kind)
             )
         self._about = Message(gui)
         self._forms: dict[str, tuple[Any, Form[Excitation]]] = {}
-        for kind in KINDS:
+        for kind in SHOWN:
             values = values_of(start) if kind == start.kind else {}
             fields = excitation_fields(kind, values)
             # All are built at once and one is shown: each keeps what was typed while another is looked at.
@@ -143,7 +146,7 @@ class WaveformTab:
         with self._lock:
             for kind, (folder, _) in self._forms.items():
                 folder.visible = kind_word(kind) == self._kind.value
-            chosen = next(kind for kind in KINDS if kind_word(kind) == self._kind.value)
+            chosen = next(kind for kind in SHOWN if kind_word(kind) == self._kind.value)
             self._about.say((getdoc(KINDS[chosen]) or "").splitlines()[0].replace("`", ""), remark=True)
         self._forms[chosen][1].update()
 
@@ -201,7 +204,7 @@ class WaveformTab:
         followed = self._follows
         self._compare()
         # What was entered here and is not used yet stays, whatever happens to the experiment.
-        if followed and not self._follows and self._played():
+        if followed and not self._follows and self._played() and self._played()[0].kind in SHOWN:
             self._take_out()
 
     def _put_in(self) -> None:
@@ -216,6 +219,10 @@ class WaveformTab:
         self._begin_with(played[0], "points.txt")
 
     def _begin_with(self, excitation: Excitation, file: str) -> None:
+        if excitation.kind not in SHOWN:
+            raise ScenarioError(
+                "the experiment plays a record of its scenario file; expected an excitation of the list above"
+            )
         if excitation.kind == "points":
             # A form has no field for points: they are kept beside it.
             self._points, self._session.waveform_file = excitation.parameters["points"], file

@@ -39,6 +39,8 @@ def test_small_random_records():
         (1679, "auto"),
         (1763, "delayest"),
         (1763, "impulseest"),
+        (1792, "model_error"),
+        (1810, "procest"),
         (1820, "delayest"),
         (1891, "delayest"),
         (1900, "procest"),

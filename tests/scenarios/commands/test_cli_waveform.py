@@ -25,14 +25,14 @@ WAVEFORMS = {
 def test_every_waveform_has_flags_for_everything_it_takes(run, result, tmp_path):
     from inspect import signature
 
-    from scenarios.experiments.excitation import KINDS
+    from scenarios.experiments.excitation import COMPUTED
 
-    assert set(WAVEFORMS) == set(KINDS) - {"points"}
+    assert set(WAVEFORMS) == set(COMPUTED)
     for kind, words in WAVEFORMS.items():
         typed = ["--amplitude", "0.5", *words.split()]
         output = result("waveform", kind, *typed, "--out", tmp_path)
         flags = {word[2:].replace("-", "_") for word in typed if word.startswith("--")}
-        assert flags == set(signature(KINDS[kind]).parameters)
+        assert flags == set(signature(COMPUTED[kind]).parameters)
         assert set(output["parameters"]) == flags
         assert output["parameters"]["amplitude"] == 0.5
     out = run("waveform", "prbs", "--out", tmp_path, "--overwrite")[1]

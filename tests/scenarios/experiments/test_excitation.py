@@ -13,6 +13,7 @@ from scenarios.experiments.excitation import (
     multisine,
     points,
     prbs,
+    record,
     sign_recursion,
     sine,
     two_sines,
@@ -34,6 +35,8 @@ EXAMPLES = [
     white_noise(),
     sign_recursion(),
     points(points=tuple(np.linspace(-1.0, 1.0, 100))),
+    record(samples=tuple(np.linspace(-1.0, 1.0, 332))),
+    record(samples=tuple(np.linspace(-1.0, 0.0, 133)), sample_rate=25.0),
 ]
 
 
@@ -56,7 +59,7 @@ def test_parameters_make_the_same_file_again_and_it_repeats(waveform):
     np.testing.assert_allclose(waveform.psd().density.sum() / waveform.period, np.mean(waveform.points**2), rtol=1e-12)
     played = waveform.play(2.5 * waveform.period)
     period = round(SAMPLE_RATE * waveform.period)
-    assert played.shape == (round(2.5 * period), 1)
+    assert played.shape == (round(2.5 * SAMPLE_RATE * waveform.period), 1)
     np.testing.assert_array_equal(played[period : 2 * period], played[:period])
     assert set(np.unique(played)) == set(np.unique(waveform.points))
 

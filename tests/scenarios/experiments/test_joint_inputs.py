@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
+from hmtb_twin import JOINTS, STUDIED_JOINTS, VARIANTS, Plant, linearize, load_arm, simulate
 from hmtb_twin.parameters.values import LARGE_MOTION
 from scenarios import Excitation, Scenario, load, names
 from scenarios.experiments.joint_inputs import LIMIT, joint_inputs, moved_joints, settled_inputs
 from scenarios.experiments.preview import preview
 from tests.benchmarks.shared_waveform import COLUMNS, FREQUENCIES, errors
+
+HMTB = VARIANTS["nominal"]
 
 
 @pytest.fixture(scope="module")
@@ -51,14 +53,14 @@ def signals(*columns):
 
 def test_poor_excitation_is_named_and_joints_at_rest_are_left_out():
     t = np.arange(2000) / 50
-    tones = joint_inputs(signals(np.sin(2 * np.pi * t), np.sin(4 * np.pi * t)), STUDIED_JOINTS[:2])
+    tones = joint_inputs(signals(np.sin(2 * np.pi * t), np.sin(4 * np.pi * t)), STUDIED_JOINTS[:2], HMTB)
     assert (tones.full, tones.block_diagonal) == (False, False)
     assert "excite to the orders 2, 2, expected 8" in str(tones.warning())
     a, b = np.random.default_rng(4).standard_normal((2, 500))
-    moving = joint_inputs(signals(a, 1e-12 * b, b), STUDIED_JOINTS)
+    moving = joint_inputs(signals(a, 1e-12 * b, b), STUDIED_JOINTS, HMTB)
     assert moving.names == (STUDIED_JOINTS[0], STUDIED_JOINTS[2])
     assert moving.condition < 2.0
-    assert joint_inputs(signals(a), STUDIED_JOINTS[:2]) is None
+    assert joint_inputs(signals(a), STUDIED_JOINTS[:2], HMTB) is None
 
 
 def test_joints_compared_are_those_of_the_stick_or_of_the_thesis():

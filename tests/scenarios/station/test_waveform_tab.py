@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from scenarios.commands.cli import main
-from scenarios.experiments.excitation import KINDS, UNITS
+from scenarios.experiments.excitation import COMPUTED, KINDS, UNITS
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.excitation_review import excitation_rows, excitation_summary
 from scenarios.experiments.recipe import excitation_recipe
@@ -75,7 +75,7 @@ def cells(html):
 
 def test_numbers_are_those_of_the_command_and_of_python(tab, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert set(FIELDS) == set(KINDS) - {"points"}
+    assert set(FIELDS) == set(COMPUTED)
     for kind, values in FIELDS.items():
         enter(tab, kind, values)
         assert tab._shown.kind == kind
@@ -122,7 +122,7 @@ def test_every_parameter_has_a_field_with_its_unit_and_words(tab):
             assert (" / " in handle.label) == (name in UNITS or name == "repeat_frequency")
         if kind != "points":
             assert form.record() is not None, kind
-    units = {name for kind in KINDS for name in signature(KINDS[kind]).parameters} - set(UNITS)
+    units = {name for kind in (*COMPUTED, "points") for name in signature(KINDS[kind]).parameters} - set(UNITS)
     assert units == {"points", "seed", "memory", "odd", "growing", "as_printed"}
 
 
