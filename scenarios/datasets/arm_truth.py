@@ -12,7 +12,8 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS, STUDIED_JOINTS, Arm, Plant, Specimen, Truth, TwinError, linearize
+from hmtb_twin import VARIANTS, Arm, Plant, Specimen, Truth, TwinError, linearize
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_netcdf
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from hmtb_twin.run.experiment_row import experiment_arm
@@ -63,13 +64,25 @@ def model_sha256(arm: Arm) -> str:
     return sha256(content.tobytes()).hexdigest()
 
 
-def arm_joints(plan: DataSetPlan) -> tuple[str, ...]:
-    """Return the joints described one by one: those of any record, and where files have all channels, the studied."""
+def arm_joints(plan: DataSetPlan, variant: str) -> tuple[str, ...]:
+    """Return the joints described one by one: those of any record, and where files have all channels, the studied.
+
+    Args:
+        plan: The plan.
+        variant: The arm.
+    """
+    arm = arm_named(variant)
     # Twins have the same records, so those of one are enough.
-    used = set(chain.from_iterable(planned.joints for planned in plan.of_twin()))
+    of_arm = (planned for planned in plan.of_twin() if _same_machine(planned.experiment.variant, variant))
+    used = set(chain.from_iterable(planned.joints for planned in of_arm))
     if plan.spec.channels == "all":
-        used |= set(STUDIED_JOINTS)
-    return tuple(joint for joint in JOINTS if joint in used)
+        used |= set(arm.compared)
+    return tuple(joint for joint in arm.joints if joint in used)
+
+
+def _same_machine(one: str, other: str) -> bool:
+    """Whether two arms are one machine: the variants of the test bed are described alike, whichever is excited."""
+    return one == other or (one in VARIANTS and other in VARIANTS)
 
 
 def arm_files(plan: DataSetPlan, planned: PlannedExperiment) -> dict[str, Contents]:
@@ -84,15 +97,15 @@ def arm_files(plan: DataSetPlan, planned: PlannedExperiment) -> dict[str, Conten
         stop or a drive is too weak, they hold the reason and no matrices; where it is unstable, no single joints.
     """
     arm, pose = experiment_arm(planned.experiment), planned.experiment.pose
-    attributes = _arm_attributes(plan.spec.label, planned, arm)
+    attributes = _arm_attributes(plan.spec.label, planned, arm) | _assumed_attributes(arm)
     try:
         truth = arm_truth(arm, pose, plan.spec.truth.amplitudes)
     except TwinError as error:
         return {arm_file(planned.arm): Contents({}, {**attributes, "stable": 0, "reason": str(error)})}
     # Gains and bandwidths describe a response that settles: no joint has one on an arm that runs away.
-    joints = arm_joints(plan) if truth.spectral_radius < 1.0 else ()
+    joints = arm_joints(plan, planned.experiment.variant) if truth.spectral_radius < 1.0 else ()
     attributes |= _stability_attributes(truth, joints) | provenance_attributes(truth.provenance)
-    variables = _arm_variables(truth, arm.rest(truth.angles).qpos[: len(JOINTS)])
+    variables = _arm_variables(truth, arm.rest(truth.angles).qpos[: len(truth.angles)], arm.description.joints)
     for joint in map(truth.joint, joints):
         variables |= _joint_variables(joint)
     return {arm_file(planned.arm): Contents(variables, attributes)}
@@ -116,6 +129,12 @@ def _arm_attributes(data_set: str, planned: PlannedExperiment, arm: Arm) -> dict
     }
 
 
+def _assumed_attributes(arm: Arm) -> dict[str, Attribute]:
+    """What no file of an arm says and a rule supplied, as JSON; nothing of the test bed, whose numbers have a table."""
+    rows = [vars(row) for row in arm.description.assumed]
+    return {"assumed": json.dumps(rows)} if rows else {}
+
+
 def _stability_attributes(truth: Truth, joints: Sequence[str]) -> dict[str, Attribute]:
     """Attributes that say whether the arm is stable, and which joints are described one by one."""
     stable = truth.spectral_radius < 1.0
@@ -123,9 +142,9 @@ def _stability_attributes(truth: Truth, joints: Sequence[str]) -> dict[str, Attr
     return {"stable": int(stable), "reason": reason, "joints": " ".join(joints)}
 
 
-def _arm_variables(truth: Truth, rest_angles: np.ndarray) -> dict[str, Variable]:
+def _arm_variables(truth: Truth, rest_angles: np.ndarray, joints: tuple[str, ...]) -> dict[str, Variable]:
     """The truth about the whole arm; where trials were asked for, with the error of the linear model in each."""
-    labels = {"input": JOINTS, "output": JOINTS, "other_output": JOINTS, "part": ("real", "imaginary")}
+    labels = {"input": joints, "output": joints, "other_output": joints, "part": ("real", "imaginary")}
     values = {
         "drive_noise": truth.disturbances.drives,
         "resolver_covariance": truth.disturbances.resolvers,
@@ -198,7 +217,7 @@ def _stored_truth(values: Mapping[str, np.ndarray], attributes: Mapping[str, Att
     amplitudes, errors = values.get("trial_amplitude", ()), values.get("small_signal_error", ())
     trials = zip(amplitudes, errors, strict=True)
     return Truth(
-        model=_stored_model(values, "", JOINTS),
+        model=_stored_model(values, "", tuple(map(str, values["input"]))),
         disturbances=Disturbances(values["drive_noise"], values["resolver_covariance"]),
         variant=str(attributes["variant"]),
         payload=str(attributes["payload"]),

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog, simulate
+from hmtb_twin import JointLog, simulate
 from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.bus.joint_log import WRENCH
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_netcdf
-from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME, joint_index
+from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets.data_set import DataSet
 from scenarios.datasets.plan import LICENSE, DataSetPlan, PlannedExperiment
@@ -35,7 +35,7 @@ def data_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog) 
         `u` (sample, input) and `y` (sample, output), rad; time, s; flags of the control computer; where the spec asks
         for all channels also the other joints, and force and torque at the wrist.
     """
-    studied = [joint_index(name) for name in planned.joints]
+    studied = [log.joint_index(name) for name in planned.joints]
     values = {
         "sample": np.arange(len(log), dtype=np.int64),
         "t": np.arange(len(log)) / SAMPLE_RATE,
@@ -48,9 +48,9 @@ def data_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog) 
     variables = netcdf_variables("data", values)
     variables["status"] = _with_flag_meanings(variables["status"])
     if spec.channels == "all":
-        unstudied = [index for index in range(len(JOINTS)) if index not in studied]
+        unstudied = [index for index in range(len(log.joints)) if index not in studied]
         values_beside = {
-            "joint": [JOINTS[index] for index in unstudied],
+            "joint": [log.joints[index] for index in unstudied],
             "component": XYZ,
             "joint_commanded": log.commanded[:, unstudied],
             "joint_measured": log.measured[:, unstudied],
@@ -77,9 +77,9 @@ def signal_contents(spec: DataSetSpec, planned: PlannedExperiment, log: JointLog
         Noise-free angles at the ticks and as they reach the record, hydraulic states, and the path of the command from
         the excitation computer on.
     """
-    joints = JOINTS if spec.channels == "all" else planned.joints
-    joint_columns = [joint_index(name) for name in joints]
-    output_columns = [joint_index(name) for name in planned.joints]
+    joints = log.joints if spec.channels == "all" else planned.joints
+    joint_columns = [log.joint_index(name) for name in joints]
+    output_columns = [log.joint_index(name) for name in planned.joints]
     bus = arm_named(planned.experiment.variant).bus
     delays = np.array([bus[name].delay for name in planned.joints], dtype=np.int64)
     sample = np.arange(len(log), dtype=np.int64)
@@ -183,20 +183,21 @@ def stored_log(folder: Path, planned: PlannedExperiment) -> JointLog:
     data, signals = read_netcdf(folder / planned.data), read_netcdf(folder / planned.signals)
     variables = {**data.variables, **signals.variables}
     values = {name: variable.values for name, variable in variables.items()}
-    pose = experiment_arm(planned.experiment).pose(planned.experiment.pose)
+    arm = experiment_arm(planned.experiment)
+    pose = arm.pose(planned.experiment.pose)
     joints_beside = data.variables["joint"].values if "joint" in data.variables else np.array([], str)
     recorded_joints = {*planned.joints, *joints_beside}
     missing = [axis for axis in planned.experiment.axes if axis not in recorded_joints]
     # Axes of Cartesian modes are no joints: where the files have every joint, they lack nothing.
-    if missing and len(recorded_joints) < len(JOINTS):
+    if missing and len(recorded_joints) < len(arm.description.joints):
         raise ScenarioError(f"{planned.name}: the files lack the commands that {', '.join(missing)} gave")
     samples = len(values["u"])
 
     def of_all_joints(*sources: tuple[Iterable[str], str]) -> np.ndarray:
-        """Angles or pressures of all joints (N, 7) from those that the files have, by joints and variable."""
+        """Angles or pressures of all joints (N, n) from those that the files have, by joints and variable."""
         columns = np.tile(pose, (samples, 1))
         for joints, variable in sources:
-            if indices := [joint_index(joint) for joint in joints]:
+            if indices := [arm.description.joint_index(joint) for joint in joints]:
                 columns[:, indices] = values[variable]
         return columns
 
@@ -223,4 +224,5 @@ def stored_log(folder: Path, planned: PlannedExperiment) -> JointLog:
         provenance=provenance_of(data.attributes),
         unit_pose=side_by_side("unit_position", "unit_orientation"),
         contact_force=values.get("contact_force"),
+        joints=arm.description.joints,
     )

@@ -19,6 +19,8 @@ from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.files.hashes import bytes_hash, file_hash
 from hmtb_twin.files.netcdf import read_netcdf
+from hmtb_twin.parameters.arm_description import ArmDescription
+from hmtb_twin.parameters.drives import Actuator
 from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
 from scenarios.datasets.index import hash_of_records, paths_of_files
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
@@ -104,6 +106,8 @@ def _data_paths(folder: Path) -> list[str]:
 def _context(folder: Path, spec: DataSetSpec, index: Mapping[str, Any], paths: Sequence[str]) -> dict[str, Any]:
     """What the templates of the metadata are rendered from."""
     experiments = index["experiments"]
+    machines = [arm_named(name) for name in spec.machines]
+    joints = tuple(dict.fromkeys(chain(JOINTS, *(arm.joints for arm in machines))))
     rows = _experiment_rows(folder, DataSetPlan(spec), experiments)
     first_file = next(listed["file"] for listed in experiments if not listed["failed"])
     records_hash = hash_of_records(experiments)
@@ -117,9 +121,12 @@ def _context(folder: Path, spec: DataSetSpec, index: Mapping[str, Any], paths: S
         "failed": [row for row in rows if row["status"] != "ok"],
         # The last experiment on each arm, in the order of their first.
         "arms": list({listed["arm"]: listed for listed in experiments}.values()),
+        # Arms of other machines, of which rules supplied what no file says.
+        "machines": [_machine(arm) for arm in machines],
+        "test_bed": any(not block.arm for block in spec.records),
         "late": _late(spec),
-        "channels": _channels(folder / first_file),
-        "truths": _truths(folder, paths),
+        "channels": _channels(folder / first_file, joints),
+        "truths": _truths(folder, paths, joints),
         "versions": {**build["versions"], "source": build["source"]},
         "attainable": read_table(folder / ATTAINABLE),
         "baselines": read_table(folder / BASELINES),
@@ -128,6 +135,18 @@ def _context(folder: Path, spec: DataSetSpec, index: Mapping[str, Any], paths: S
         "license_text": license_text,
         "authors": [_author(name) for name in spec.creators],
         "bibtex": bibtex(spec, records_hash),
+    }
+
+
+def _machine(arm: ArmDescription) -> dict[str, Any]:
+    """What the datasheet says of an arm of another machine."""
+    hydraulic = any(isinstance(drive, Actuator) for drive in arm.actuators.values())
+    return {
+        "name": arm.name,
+        "joints": arm.joints,
+        "drives": "hydraulic" if hydraulic else "electric",
+        "given": len(arm.numbers) - len(arm.assumed),
+        "assumed": len(arm.assumed),
     }
 
 
@@ -204,31 +223,33 @@ def _pattern(path: str) -> str:
 
 def _late(spec: DataSetSpec) -> list[tuple[str, int]]:
     """Joints whose angle reaches the record late on an arm of the data set, with the delay in samples."""
-    variants = set(chain.from_iterable(block.variants for block in spec.records))
-    buses = [arm_named(variant).bus for variant in variants]
-    delays = {joint: max(bus[joint].delay for bus in buses) for joint in JOINTS}
+    names = dict.fromkeys(chain.from_iterable(block.arms for block in spec.records))
+    delays: dict[str, int] = {}
+    for arm in map(arm_named, names):
+        for joint in arm.joints:
+            delays[joint] = max(arm.bus[joint].delay, delays.get(joint, 0))
     return [(joint, delay) for joint, delay in delays.items() if delay]
 
 
-def _channels(path: Path) -> list[dict[str, str]]:
+def _channels(path: Path, joints: Sequence[str]) -> list[dict[str, str]]:
     """The variables of a file; of those that every joint has, one line for all."""
     lines: dict[str, dict[str, str]] = {}
     for name, variable in read_netcdf(path).variables.items():
         line = {key: str(variable.attributes.get(key, "")) for key in ("units", "role", "long_name")}
-        line |= {"name": _of_any_joint(name), "dims": ", ".join(map(_of_any_joint, variable.dims))}
+        line |= {"name": _of_any(joints, name), "dims": ", ".join(_of_any(joints, along) for along in variable.dims)}
         lines.setdefault(line["name"], line)
     return list(lines.values())
 
 
-def _of_any_joint(name: str) -> str:
+def _of_any(joints: Sequence[str], name: str) -> str:
     """The name with JOINT in the place of the joint that it begins with."""
-    for joint in JOINTS:
+    for joint in joints:
         if name.startswith(f"{joint}_"):
             return name.replace(joint, "JOINT", 1)
     return name
 
 
-def _truths(folder: Path, paths: Sequence[str]) -> list[tuple[str, int, list[dict[str, str]]]]:
+def _truths(folder: Path, paths: Sequence[str], joints: Sequence[str]) -> list[tuple[str, int, list[dict[str, str]]]]:
     """Folders of the truth: name, number of files, and the channels of the first file if it is one of arrays."""
     paths_of_name: dict[str, list[str]] = {}
     for path in paths:
@@ -238,6 +259,6 @@ def _truths(folder: Path, paths: Sequence[str]) -> list[tuple[str, int, list[dic
     for name, group in paths_of_name.items():
         # Tables lie beside the folders.
         ending = "/" if group[0].count("/") > 1 else ""
-        channels = _channels(folder / group[0]) if group[0].endswith(".nc") else []
+        channels = _channels(folder / group[0], joints) if group[0].endswith(".nc") else []
         truths.append((f"{TRUTH}/{name}{ending}", len(group), channels))
     return truths

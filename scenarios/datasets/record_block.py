@@ -5,13 +5,15 @@ from dataclasses import dataclass, fields, replace
 from itertools import product
 from typing import Any, NamedTuple
 
-from hmtb_twin import MODES, PAYLOADS, POSES, STUDIED_JOINTS, VARIANTS, Chain, HandController, Plant
+from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController, Plant
+from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.plant import ACTUATOR_FORMS, FRICTIONS
-from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE
+from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE, SAMPLE_RATE
+from scenarios.experiments.arm_tests import interface
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
-from scenarios.experiments.registry import load, names, tags
-from scenarios.experiments.scenario import NAME, Scenario
+from scenarios.experiments.registry import load, names, tags, tests_of
+from scenarios.experiments.scenario import NAME, Scenario, known_arm
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
@@ -46,6 +48,10 @@ CHOICES: Mapping[str, tuple[str, ...]] = {
 """Choices for the lists of a block."""
 
 
+OWN: Mapping[str, tuple[str, ...]] = {"variants": ("nominal",), "payloads": (PAYLOAD,), "poses": (OPERATING_POSE,)}
+"""Defaults of a block; of another machine they stand for its own payload and pose."""
+
+
 @dataclass(frozen=True)
 class RecordBlock:
     """A block of records: every combination of its lists is one experiment.
@@ -56,7 +62,7 @@ class RecordBlock:
         name: Experiments are named after it.
         part: What the records are for, one of `PARTS`.
         scenarios: Registered scenarios, or tags of them.
-        axes: Axes to excite.
+        axes: Axes to excite; with `each_axis` every joint that follows commands by default.
         each_axis: Whether each axis has a record of its own, instead of all at once.
         excitation: One entry, played on every axis, or one per axis.
         multisines: Random-phase multisines: every realisation and record of the measurement is an experiment.
@@ -65,7 +71,9 @@ class RecordBlock:
         amplitudes: Of the excitation, V; root mean square of multisines, rad; as written where there are none.
         joints: Joints whose commands are the inputs and whose angles the outputs; the excited joints by default, in
             Cartesian modes the three that the thesis studied.
-        variants: Arm variants.
+        variants: Variants of the test bed.
+        arm: An arm of another machine, by name or by the path of its files; its tests are its `scenarios`. Empty: the
+            variants. Payload and pose are its own ones where the block names none.
         payloads: Payloads of the end effector.
         poses: Keyframes of the operating point.
         actuators: Forms of the actuators.
@@ -99,6 +107,7 @@ class RecordBlock:
     duration: float | None = None
     chain: Chain = Chain()  # noqa: RUF009
     hand_controller: HandController = HAND_CONTROLLER
+    arm: str = ""
 
     def __post_init__(self) -> None:
         for problem in self._problems():
@@ -118,6 +127,13 @@ class RecordBlock:
             yield unknown("part", self.part, PARTS)
         if self.mode not in MODES:
             yield unknown("mode", self.mode, MODES)
+        if self.arm:
+            # Its joints, payloads and poses are checked when its experiments are planned: a list of specs reads no arm.
+            if self.arm in VARIANTS:
+                yield f"arm = {self.arm!r} given, expected another machine: variants = [{self.arm!r}] names it"
+            if self.variants != ("nominal",):
+                yield "arm and variants given, expected one of them"
+            return
         for key, choices in CHOICES.items():
             yield from (unknown(key, value, choices) for value in getattr(self, key) if value not in choices)
 
@@ -139,12 +155,17 @@ class RecordBlock:
             yield f"expected one of scenarios, excitation and multisines, given {sum(ways_to_excite)}"
         if self.scenarios and (self.axes or self.each_axis):
             yield "axes given beside scenarios, which have their own"
-        if not self.scenarios and not self.axes:
-            yield "expected axes to excite, given none"
+        if not self.scenarios and not self.axes and not self.each_axis:
+            yield "expected axes to excite, or each_axis = true for every joint of the arm alone; given none"
         if self.multisines is not None and self.duration is not None:
             yield "a duration given for multisines; it follows from period and periods"
         if self.excitation and self.duration is None:
             yield "expected a duration in s, given none"
+
+    @property
+    def arms(self) -> tuple[str, ...]:
+        """The arms that the block runs on: variants of the test bed, or another machine."""
+        return (self.arm,) if self.arm else self.variants
 
     def to_table(self) -> dict[str, Any]:
         """Write the block as plain values; of chain and hand controller only what differs from the nominal ones."""
@@ -154,6 +175,10 @@ class RecordBlock:
         excitation = table.pop("excitation")
         if excitation:
             table["excitation"] = excitation  # last, because tables stand behind values in TOML
+        # Another machine has no variants, nor the payload and pose of the test bed: the file names none of them.
+        for key, default in (("arm", ""), *(OWN.items() if self.arm else ())):
+            if getattr(self, key) == default:
+                del table[key]
         return {key: value for key, value in table.items() if value != {}}
 
 
@@ -192,13 +217,14 @@ class _Measurement(NamedTuple):
 
 def templates(block: RecordBlock) -> Iterator[Template]:
     """The experiments of a block: each measurement on every combination of the conditions, repeated."""
+    arm = _arm_of(block)
     # In the order of `_Conditions`.
-    arms = (block.variants, block.payloads, block.poses)
+    arms = _arms(block, arm)
     choices = (*arms, block.actuators, block.frictions, block.process_noises)
     combinations = map(_Conditions._make, product(*choices))
-    for measurement, conditions, repeat in product(_measurements(block), combinations, range(block.repeats)):
+    for measurement, conditions, repeat in product(_measurements(block, arm), combinations, range(block.repeats)):
         experiment = measurement.experiment
-        joints = block.joints or tuple(axis for axis in experiment.axes if axis in JOINTS) or STUDIED_JOINTS
+        joints = block.joints or tuple(axis for axis in experiment.axes if axis in arm.joints) or arm.compared
         yield Template(
             name="-".join((measurement.name, *_condition_marks(block, choices, conditions, repeat))),
             # All conditions, also those that do not differ: an experiment keeps its seeds when the block gets others.
@@ -207,6 +233,41 @@ def templates(block: RecordBlock) -> Iterator[Template]:
             experiment=_under_conditions(block, experiment, conditions),
             joints=joints,
         )
+
+
+def _arm_of(block: RecordBlock) -> ArmDescription:
+    """The arm of a block; of several variants the first, as all have the same joints.
+
+    Raises:
+        ScenarioError: There is no such arm, it has no such joints, payloads or poses, or its bus has another rate.
+    """
+    if not block.arm:
+        return VARIANTS[block.variants[0]]
+    arm = known_arm(block.arm)
+    _, payloads, poses = _arms(block, arm)
+    for what, given, available in (
+        ("joint", block.joints, arm.joints),
+        ("payload", payloads, arm.payloads),
+        ("pose", poses, arm.poses),
+    ):
+        for name in given:
+            if name not in available:
+                raise ScenarioError(f"records {block.name!r}: {unknown(what, name, available)}")
+    if arm.sample_rate != SAMPLE_RATE:
+        raise ScenarioError(
+            f"records {block.name!r}: the position loop of {block.arm} runs at {arm.sample_rate} Hz, expected "
+            f"{SAMPLE_RATE} Hz: all records of a data set have one sampling interval"
+        )
+    return arm
+
+
+def _arms(block: RecordBlock, arm: ArmDescription) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Variants, payloads and poses of a block, where it names none those of its arm."""
+    if not block.arm:
+        return block.variants, block.payloads, block.poses
+    payloads = (arm.tuned_payload,) if block.payloads == OWN["payloads"] else block.payloads
+    poses = (arm.operating_pose,) if block.poses == OWN["poses"] else block.poses
+    return (block.arm,), payloads, poses
 
 
 def _condition_marks(
@@ -225,7 +286,7 @@ def _under_conditions(
 ) -> Scenario | MultisineExperiment:
     """The experiment on the arm and in the surroundings of its conditions."""
     payload, pose = conditions.payload, conditions.pose
-    if block.scenarios:
+    if block.scenarios and not block.arm:
         # Registered scenarios have a payload and a pose of their own, unless the block names others.
         if block.payloads == (PAYLOAD,):
             payload = experiment.payload
@@ -235,15 +296,18 @@ def _under_conditions(
     return replace(experiment, variant=conditions.variant, payload=payload, pose=pose, plant=plant)
 
 
-def _measurements(block: RecordBlock) -> Iterator[_Measurement]:
-    """What a block plays, on the nominal arm."""
+def _measurements(block: RecordBlock, arm: ArmDescription) -> Iterator[_Measurement]:
+    """What a block plays, on the first of its arms."""
+    if block.arm and block.scenarios:
+        yield from _measurements_of_tests(block)
+        return
     if block.scenarios:
         yield from _registered_measurements(block)
         return
     # Multisines have neither an excitation nor a duration of the block: theirs take the place of these.
     excitation_or_any = block.excitation or (Excitation("white_noise"),)
     duration_or_any = 1.0 if block.duration is None else block.duration
-    axes_played_together = [(axis,) for axis in block.axes] if block.each_axis else [block.axes]
+    axes_played_together = [(axis,) for axis in block.axes or arm.free] if block.each_axis else [block.axes]
     for axes in axes_played_together:
         name = f"{block.name}-{axes[0]}" if block.each_axis else block.name
         setting = Scenario(
@@ -254,7 +318,10 @@ def _measurements(block: RecordBlock) -> Iterator[_Measurement]:
             mode=block.mode,
             independent_channels=True,
             chain=block.chain,
-            hand_controller=block.hand_controller,
+            hand_controller=_interface(block, arm, axes),
+            variant=arm.name,
+            payload=arm.tuned_payload,
+            pose=arm.operating_pose,
         )
         if block.multisines is not None:
             yield from _multisine_measurements(block, block.multisines, name, setting)
@@ -262,6 +329,38 @@ def _measurements(block: RecordBlock) -> Iterator[_Measurement]:
         for mark, volts, excitation in _amplified(block, block.excitation):
             experiment = replace(setting, excitation=excitation)
             yield _Measurement(f"{name}{mark}", f"{' '.join(axes)} {volts}", experiment)
+
+
+def _interface(block: RecordBlock, arm: ArmDescription, axes: tuple[str, ...]) -> HandController:
+    """The hand-controller interface of a block; on another machine by default that of the arm's own tests."""
+    joints = [axis for axis in axes if axis in arm.joints]
+    if not block.arm or block.hand_controller != HAND_CONTROLLER or not joints:
+        return block.hand_controller
+    return replace(HAND_CONTROLLER, **interface(arm, joints))
+
+
+def _measurements_of_tests(block: RecordBlock) -> Iterator[_Measurement]:
+    """Tests of the arm of a block, each at every amplitude.
+
+    Raises:
+        ScenarioError: The arm has no such test.
+    """
+    tests = tests_of(block.arm)
+    for name_or_tag in block.scenarios:
+        tagged = [name for name, table in tests.items() if name_or_tag in table["tags"]]
+        if not tagged and name_or_tag not in tests:
+            of_arm = f"test of the arm {block.arm}"
+            raise ScenarioError(
+                f"records {block.name!r}: "
+                + unknown(of_arm, name_or_tag, tests, listing=f"hmtb scenarios --arm {block.arm}")
+            )
+        for name in tagged or (name_or_tag,):
+            scenario = Scenario.from_table(tests[name])
+            duration = scenario.duration if block.duration is None else block.duration
+            for mark, volts, excitation in _amplified(block, scenario.excitation):
+                experiment = replace(scenario, duration=duration, excitation=excitation)
+                # Behind the name of the block: joints of two arms may have the same names.
+                yield _Measurement(f"{block.name}-{name}{mark}", f"{name} {volts}", experiment)
 
 
 def _registered_measurements(block: RecordBlock) -> Iterator[_Measurement]:

@@ -298,6 +298,11 @@ class DataSetSpec:
         """Name with version, e.g. ``"hmtb-siso-v1"``: the name of the folder."""
         return f"{self.name}-v{self.version}"
 
+    @property
+    def machines(self) -> tuple[str, ...]:
+        """Arms of other machines than the test bed, each once."""
+        return tuple(dict.fromkeys(block.arm for block in self.records if block.arm))
+
     def to_toml(self) -> str:
         """Write every field as TOML, such that `from_toml` gives an equal spec back."""
         return codec.to_toml(codec.unstructure(self) | {"records": [block.to_table() for block in self.records]})

@@ -1,9 +1,10 @@
 """Tests of any arm: a binary sequence, a multisine and a chirp on each of its joints, and all joints at once."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import floor, log10
 from typing import Any
 
+from hmtb_twin import load_arm
 from hmtb_twin.parameters.arm_description import ArmDescription
 
 EXCITATIONS: dict[str, dict[str, Any]] = {
@@ -32,6 +33,10 @@ LARGEST_GAIN = 0.05
 REACH = 0.25
 """Part of the distance to the nearer end of a joint's range that its command may take at 1 V."""
 
+MOVES = 3.0
+"""Least command of 1 V over the error at which the servo overcomes dry friction: joints then move 0.7 of what they
+would without it, or more; where both are equal 0.1 to 0.4."""
+
 FIRST_SEED = 8000
 """Seeds of the tests: each has noise of its own, none that of a test of the thesis."""
 
@@ -39,13 +44,20 @@ FIRST_SEED = 8000
 def command_gain(arm: ArmDescription, joint: str) -> float:
     """Gain of a joint's command, rad/V: the largest round one at which no test of 1 V moves at the velocity limit.
 
-    A binary sequence changes by 2 V from one tick to the next, as the thesis' tests on the test bed do.
+    A binary sequence changes by 2 V from one tick to the next, as the thesis' tests on the test bed do. A joint that
+    its dry friction would hold at that gain gets a larger one, at which steps become ramps at the velocity limit.
     """
     limit, angle = arm.motions[joint], arm.poses[arm.operating_pose][arm.joint_index(joint)]
     slewing = limit.velocity_limit * arm.sample_time / 2.0
     ending = REACH * min(angle - limit.lower, limit.upper - angle)
-    largest = min(slewing, ending, LARGEST_GAIN)
-    # One significant digit, rounded down.
+    gain = _rounded(min(slewing, ending, LARGEST_GAIN))
+    # The error at which the servo overcomes the friction of a joint at rest.
+    breakaway = arm.actuators[joint].breakaway_torque / load_arm(arm.name).gains[joint][0]
+    return max(gain, _rounded(min(MOVES * breakaway, ending)))
+
+
+def _rounded(largest: float) -> float:
+    """Round a gain down to one significant digit."""
     digit = 10.0 ** floor(log10(largest))
     return floor(largest / digit * (1.0 + 1e-9)) * digit
 
@@ -57,16 +69,15 @@ def arm_tests(arm: ArmDescription) -> Iterator[dict[str, Any]]:
         for joint in arm.free:
             position += 1
             yield {
-                **_test(arm, f"{test}-{joint}", (joint,), command_gain(arm, joint)),
+                **_test(arm, f"{test}-{joint}", (joint,)),
                 "seed": FIRST_SEED + position,
                 "description": f"{joint}: {SWEPT[test]}",
                 "tags": [test, joint],
                 "excitation": dict(excitation),
             }
-    gain = min(command_gain(arm, joint) for joint in arm.free)
     multisines = [{**EXCITATIONS["multisine"], "seed": seed} for seed in range(len(arm.free))]
     yield {
-        **_test(arm, ALL_JOINTS, arm.free, gain),
+        **_test(arm, ALL_JOINTS, arm.free),
         "seed": FIRST_SEED,
         "independent_channels": True,
         "description": f"all {len(arm.free)} joints at once, each with a multisine of its own",
@@ -75,7 +86,15 @@ def arm_tests(arm: ArmDescription) -> Iterator[dict[str, Any]]:
     }
 
 
-def _test(arm: ArmDescription, name: str, joints: tuple[str, ...], gain: float) -> dict[str, Any]:
+def interface(arm: ArmDescription, joints: Sequence[str]) -> dict[str, Any]:
+    """Settings of the hand-controller interface at which a test of 1 V moves none of the joints at its limit.
+
+    Nobody holds a stick: only what its converter rounds and a little noise are left of a hand controller.
+    """
+    return {"gain": min(command_gain(arm, joint) for joint in joints), "noise": 0.01, "hold": 1, "bias": 0.0}
+
+
+def _test(arm: ArmDescription, name: str, joints: tuple[str, ...]) -> dict[str, Any]:
     """What all tests of an arm have: its payload and pose, and an interface that is nearly ideal."""
     return {
         "name": name,
@@ -84,6 +103,5 @@ def _test(arm: ArmDescription, name: str, joints: tuple[str, ...], gain: float) 
         "variant": arm.name,
         "payload": arm.tuned_payload,
         "pose": arm.operating_pose,
-        # Nobody holds a stick: only what its converter rounds and a little noise are left of a hand controller.
-        "hand_controller": {"gain": gain, "noise": 0.01, "hold": 1, "bias": 0.0},
+        "hand_controller": interface(arm, joints),
     }

@@ -61,8 +61,13 @@ def test_the_hash_is_of_the_model():
 
 
 def test_joints_of_the_truth_are_those_of_the_records():
-    assert arm_joints(DataSetPlan(load_spec("hmtb-fleet-v1"))) == ("elbow_pitch",)
-    assert arm_joints(DataSetPlan(load_spec("hmtb-siso-v1"))) == ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    assert arm_joints(DataSetPlan(load_spec("hmtb-fleet-v1")), "nominal") == ("elbow_pitch",)
+    siso = DataSetPlan(load_spec("hmtb-siso-v1"))
+    assert arm_joints(siso, "nominal") == ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    # those of another machine are its own, those of a variant of the test bed the same as of any
+    arms = DataSetPlan(load_spec("arms-siso-v1"))
+    assert arm_joints(arms, "ur10") == load_arm("ur10").joints
+    assert arm_joints(arms, "flight") == arm_joints(arms, "nominal") == load_arm().description.free
 
 
 def test_an_arm_without_linear_truth_says_why(tmp_path, tiny_spec):

@@ -6,9 +6,14 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from hmtb_twin import load_arm
+from hmtb_twin.arm_files.known_arms import arm_named
 from scenarios.datasets.plan import DataSetPlan
+from scenarios.datasets.record_block import RecordBlock
 from scenarios.datasets.spec import DataSetSpec, load_spec, shipped
+from scenarios.experiments.arm_tests import command_gain
 from tests.refusals import refused
+from tests.user_arm import write_arm
 
 FLEET = load_spec("hmtb-fleet-v1")
 
@@ -106,3 +111,53 @@ def test_a_spec_that_nobody_means_is_refused_in_a_line(tiny_spec, before, after,
     text = tiny_spec.to_toml()
     assert before in text
     refused(says, DataSetSpec.from_toml, text.replace(before, after, 1))
+
+
+ARMS = load_spec("arms-siso-v1")
+
+
+def with_block(**changes):
+    """The spec of several arms with changes in its first block of Panda."""
+    place = next(number for number, block in enumerate(ARMS.records) if block.arm == "panda")
+    records = list(ARMS.records)
+    records[place] = replace(records[place], **changes)
+    return replace(ARMS, records=tuple(records))
+
+
+def test_another_machine_has_its_own_joints_payload_pose_and_interface():
+    plan = DataSetPlan(ARMS)
+    of_panda = [entry for entry in plan if entry.experiment.variant == "panda"]
+    joints = load_arm("panda").joints
+    assert [entry.joints for entry in of_panda[:7]] == [(joint,) for joint in joints]
+    assert {(entry.experiment.payload, entry.experiment.pose) for entry in of_panda} == {("none", "default")}
+    assert of_panda[0].experiment.hand_controller.gain == command_gain(arm_named("panda"), joints[0])
+    # each machine has one truth, and the test bed two arms
+    assert len({entry.arm for entry in plan}) == 6
+    assert 'arm = "panda"' in ARMS.to_toml()
+    assert "shoulder" not in DataSetSpec.from_toml(ARMS.to_toml()).to_toml()
+
+
+def test_tests_of_another_machine_are_named_behind_their_block():
+    mine = RecordBlock("mine", "train", scenarios=("prbs",), arm="xarm7", duration=5.0)
+    names = [entry.name for entry in DataSetPlan(replace(ARMS, records=(mine, *ARMS.records)))][:7]
+    assert names == [f"mine-prbs-joint{number}" for number in range(1, 8)]
+
+
+def test_what_another_machine_cannot_have_is_named(tmp_path):
+    refused("arm and variants given", with_block, variants=("flight",))
+    refused("arm = 'flight' given, expected another machine", with_block, arm="flight")
+    for changes, message in (
+        ({"arm": "pandda"}, "unknown variant 'pandda'.*panda"),
+        ({"joints": ("joint9",)}, "records 'panda-prbs': unknown joint 'joint9'"),
+        ({"payloads": ("rpcm", "mdm")}, "unknown payload 'rpcm'"),
+        ({"poses": ("home",)}, "unknown pose 'home'"),
+        ({"axes": ("elbow_pitch",)}, "unknown axis 'elbow_pitch'"),
+        (
+            {"scenarios": ("siso-5-elbow_pitch",), "excitation": (), "each_axis": False},
+            "unknown test of the arm panda 'siso-5-elbow_pitch'",
+        ),
+    ):
+        refused(message, DataSetPlan, with_block(**changes))
+    folder = write_arm(tmp_path)
+    (folder / "arm.toml").write_text("sample_rate = 200\n")
+    refused("runs at 200 Hz, expected 50 Hz", DataSetPlan, with_block(arm=str(folder)))

@@ -19,6 +19,11 @@ from scenarios.problems.twin_name import twin_name
 from tests.refusals import refused
 
 
+def breakaway(name, joint):
+    """Error at which the servo overcomes the friction of a joint at rest, rad."""
+    return arm_named(name).actuators[joint].breakaway_torque / load_arm(name).gains[joint][0]
+
+
 @pytest.mark.parametrize("name", ["panda", "kinova", "nominal", "flight"])
 def test_every_free_joint_has_its_tests_and_none_slews(name):
     arm, tests = arm_named(name), registry.tests_of(name)
@@ -27,12 +32,25 @@ def test_every_free_joint_has_its_tests_and_none_slews(name):
     for joint in (arm.free[0], arm.free[-1]):
         commands = preview(load(f"prbs-{joint}", duration=10.0, arm=name))
         assert commands.moving == (joint,)
-        assert commands.velocity_limited == 0.0
-        # the largest round gain: the next one would slew, or is none of small motion
         gain = command_gain(arm, joint)
+        # friction would hold some joints at a gain at which none slews
+        assert commands.velocity_limited == 0.0 or gain <= 3.0 * breakaway(name, joint)
+        # the largest round gain: the next one would slew, or is none of small motion
         digit = 10.0 ** np.floor(np.log10(gain) + 1e-9)
         larger = 2.0 * (gain + digit) > arm.motions[joint].velocity_limit * arm.sample_time
         assert larger or gain >= 0.05 or commands.margin(joint) < 8.0 * gain
+
+
+@pytest.mark.parametrize("name", ["xarm7", "kinova"])
+def test_a_joint_that_friction_would_hold_is_commanded_further(name):
+    arm = arm_named(name)
+    joint = arm.free[-1]
+    # more than it takes to overcome friction at rest, and steps become ramps
+    assert 2.0 * command_gain(arm, joint) > arm.motions[joint].velocity_limit * arm.sample_time
+    test = load(f"prbs-{joint}", duration=20.0, arm=name)
+    logs = hmtb_twin.simulate([test, replace(test, name="frictionless", chain=Chain(friction=False))])
+    stuck, linear = (np.std(log.true_angles[200:, -1]) / np.std(log.commanded[200:, -1]) for log in logs)
+    assert stuck > 0.6 * linear
 
 
 def test_a_record_of_another_arm_is_identified_with_the_true_bandwidth():
