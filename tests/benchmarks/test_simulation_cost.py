@@ -8,6 +8,7 @@ import pytest
 
 from hmtb_twin import load_arm, simulate
 from scenarios import load, names
+from scenarios.experiments.registry import tests_of
 from tests.benchmarks.tables import bare_seconds, timed
 
 
@@ -21,8 +22,17 @@ from tests.benchmarks.tables import bare_seconds, timed
     ids=["24 single-joint tests", "13 Cartesian tests", "the whole campaign with the RPCM task"],
 )
 def test_campaign_costs_little_more_than_bare_steps(campaign, most, request):
-    experiments = [replace(load(name), duration=10.0) for name in campaign]
-    arms = [load_arm(payload=entry.payload, worksite=entry.worksite) for entry in experiments]
+    _costs_at_most(most, [replace(load(name), duration=10.0) for name in campaign], request)
+
+
+@pytest.mark.parametrize("arm", ["panda", "ur10", "xarm7", "kinova"])
+def test_another_arm_costs_little_more_than_bare_steps(arm, request):
+    _costs_at_most(1.25, [load(name, duration=5.0, arm=arm) for name in tests_of(arm)], request)
+
+
+def _costs_at_most(most, experiments, request):
+    """Simulate in turn with bare steps of the same models."""
+    arms = [load_arm(entry.variant, entry.payload, worksite=entry.worksite) for entry in experiments]
     simulate(experiments[:1])
     ratios = []
     for _ in range(7):
