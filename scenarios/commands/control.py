@@ -48,7 +48,7 @@ def control(
     /,
     *,
     method: Annotated[tuple[str, ...], tyro.conf.arg(metavar="following|adaptive|vrft|FILE.json ...")] = ("following",),
-    reference: Annotated[str, tyro.conf.arg(metavar="VARIANT|MODEL.json")] = "flight",
+    reference: Annotated[str, tyro.conf.arg(metavar="ARM|MODEL.json")] = "flight",
     record: Annotated[Path | None, tyro.conf.arg(metavar="LOG")] = None,
     payload: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None,
     friction_level: float | None = None,
@@ -74,7 +74,8 @@ def control(
     if its error is bounded and does not grow.
 
     A scenario runs as its file says. Its variant, payload, plant, specimen, pose and chain are those of the ground arm
-    that is identified too, with the unit at the worksite: scenarios of one call must agree in them.
+    that is identified too, with the unit at the worksite: scenarios of one call must agree in them. A file of another
+    arm (docs/your-robot.md) needs --reference.
 
     Without SCENARIO: reach (an operator in free space), rpcm (the exchange of the replacement unit), 20 s of a binary
     sequence of the thesis, and multisine, two minutes that show the response up to 3 Hz. docs/control.md says
@@ -88,8 +89,8 @@ def control(
     Args:
         scenarios: Names, tags or TOML files (hmtb scenarios list), or multisine.
         method: How the controller is designed, one or several; or the file of a design that --out wrote.
-        reference: Arm or model file that the ground arm is made to answer like.
-        record: Log (.nc) of the ground arm from which to identify it; all six joints must move.
+        reference: Arm or model file that the ground arm is made to answer like; an arm with joints of the same names.
+        record: Log (.nc) of the ground arm from which to identify it; all joints under control must move.
         payload: Payload of both arms instead of the scenario's: rpcm, none, ballast or mdm, not at the worksite.
         friction_level: Dry friction of the ground arm's seals instead of the scenario's, in multiples of the nominal.
         duration: Length of each scenario but multisine instead of its own, s.
@@ -101,8 +102,7 @@ def control(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    from hmtb_twin import VARIANTS
-    from scenarios.control.campaign import identify_pair
+    from scenarios.control.campaign import check_reference, controlled, identify_pair
     from scenarios.control.design import METHODS, designer
     from scenarios.control.result_tables import beyond_the_arm, fit_table, result_tables
     from scenarios.control.runs import run_scenarios
@@ -110,12 +110,13 @@ def control(
     from scenarios.experiments.waveform import check_seed, seed_range
 
     check_seed(seed)
-    designers = {_method_name(word): designer(word) for word in method}
     if not method:
         raise ScenarioError(f"--method: none given, expected {', '.join(METHODS)}, or files of --out")
+    ground, draws = _tested(scenarios, seed_range(seeds, seed), duration, payload, friction_level)
+    joints = controlled(ground.variant)
+    designers = {_method_name(word): designer(word, joints) for word in method}
     if len(designers) < len(method) or FILES_OF_OUT & designers.keys():
         raise ScenarioError(f"--method {' '.join(method)} given, expected names of their own, none of a file of --out")
-    ground, draws = _tested(scenarios, seed_range(seeds, seed), duration, payload, friction_level)
     free = next((tested for tested in draws if not tested.worksite), None)
     if with_stress and free is None:
         raise ScenarioError("--with-stress given without a scenario in free space, expected one, as reach")
@@ -123,7 +124,9 @@ def control(
         # Called for its errors: an arm that the scenario cannot have is refused before any simulation.
         changed_arms(free)
     # A model from a file has no arm to simulate.
-    arm = reference if reference in VARIANTS else None
+    arm = None if reference.endswith(".json") else reference
+    if arm is not None:
+        check_reference(arm, ground.variant)
     names = _file_names(draws, list(designers), with_stress=with_stress)
     with optional_folder(out, *names, overwrite=overwrite) as folder:
         with progress("identification") as bar:
@@ -269,7 +272,8 @@ def _write(
     from hmtb_twin.files.atomic_write import write_whole
     from scenarios.control.design import write_law
 
-    files = [folder / "control.json", *(write_law(law, folder / f"{name}.json") for name, law in laws.items())]
+    files = [folder / "control.json"]
+    files += [write_law(law, folder / f"{name}.json", pair.joints) for name, law in laws.items()]
     write_whole(files[0], json_text(content))
     files += [sysid.write_model(getattr(pair, name), folder / f"model-{name}.json") for name in ("ground", "reference")]
     # Every run has as many results as there are laws.

@@ -1,6 +1,6 @@
 """Designs of control laws from an identified pair, by method, and their files."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -51,32 +51,33 @@ LAWS: Mapping[str, type[Law]] = {law_class.__name__: law_class for law_class in 
 FORMAT = "hmtb-control 1"
 
 
-def designer(method: str) -> Callable[[IdentifiedPair], Law]:
+def designer(method: str, joints: Sequence[str] = CONTROLLED) -> Callable[[IdentifiedPair], Law]:
     """Return the function that designs the law of a method, or that returns the law of a file.
 
     Args:
         method: One of `METHODS`, or the path of a file of `write_law`, which ends in `.json`.
+        joints: The controlled joints.
 
     Raises:
         ScenarioError: No such method, or a file without a law of the controlled joints.
     """
     if method.endswith(".json"):
-        law = read_law(Path(method))
+        law = read_law(Path(method), joints)
         return lambda _: law
     if method not in METHODS:
         raise ScenarioError(unknown("method", method, METHODS) + "; or a file of --out that ends in .json")
     return METHODS[method]
 
 
-def write_law(law: Law, path: Path) -> Path:
+def write_law(law: Law, path: Path, joints: Sequence[str] = CONTROLLED) -> Path:
     """Write a law as JSON, every bit of it; `read_law` reads it back."""
-    content = {"format": FORMAT, "joints": list(CONTROLLED), "kind": type(law).__name__, "law": encoded(law)}
+    content = {"format": FORMAT, "joints": list(joints), "kind": type(law).__name__, "law": encoded(law)}
     write_whole(path, text_of(content) + "\n")
     return path
 
 
-def read_law(path: Path) -> Law:
-    """Read a law from a file of `write_law`.
+def read_law(path: Path, joints: Sequence[str] = CONTROLLED) -> Law:
+    """Read a law of these joints from a file of `write_law`.
 
     Raises:
         ScenarioError: No such file, or something else in it.
@@ -91,8 +92,8 @@ def read_law(path: Path) -> Law:
     except SysidError as error:
         raise ScenarioError(f"{path.name}: expected a law of hmtb control --out: {error}") from error
     loops = law.fixed.loops if isinstance(law, AdaptiveFollowing) else law.loops
-    if content.get("joints") != list(CONTROLLED) or loops != len(CONTROLLED):
-        raise ScenarioError(f"{path.name}: {loops} loops, {content.get('joints')} given, expected {list(CONTROLLED)}")
+    if content.get("joints") != list(joints) or loops != len(joints):
+        raise ScenarioError(f"{path.name}: {loops} loops, {content.get('joints')} given, expected {list(joints)}")
     return law
 
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import sysid
 from hmtb_twin import JointLog
-from scenarios.control.campaign import CONTROLLED, IdentifiedPair
+from scenarios.control.campaign import IdentifiedPair
 from scenarios.control.score import GRID, answer_of, request_of, seen_responses
 from scenarios.control.study import ControlResult
 from scenarios.report.figure_style import MRAD, dress, plain_marks, short
@@ -46,8 +46,9 @@ def run_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> Figure
         angles.plot(log.time, MRAD * answer, color=style.colour, lw=style.width, label=label)
         errors.plot(log.time, MRAD * (answer - reference_answer), color=style.colour, lw=1.0)
     if arm is not None:
-        angles.plot(arm.time, MRAD * answer_of(arm)[:, joint], color=INK, ls="--", lw=1.2, label="flight arm")
-    angles.set(ylabel=f"{short(CONTROLLED[joint])} / mrad", title=results[0].runs.scenario.name)
+        label = f"{arm.provenance['variant']} arm"
+        angles.plot(arm.time, MRAD * answer_of(arm)[:, joint], color=INK, ls="--", lw=1.2, label=label)
+    angles.set(ylabel=f"{short(results[0].joints[joint])} / mrad", title=results[0].runs.scenario.name)
     errors.set(xlabel="time / s", ylabel="angle less reference\nmodel / mrad")
     figure.legend(fontsize=8, frameon=False, ncols=4, loc="outside upper center")
     dress([angles, errors])
@@ -57,6 +58,7 @@ def run_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> Figure
 def error_figure(results: Sequence[ControlResult]) -> Figure:
     """Draw the root mean square error of every joint, a panel for each scenario."""
     names, styles = list(dict.fromkeys(result.runs.scenario.name for result in results)), _styles(results)
+    joints = results[0].joints
     figure = Figure(figsize=(WIDTH, 2.1 * len(names)), layout="constrained")
     panels = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, names, strict=True):
@@ -68,10 +70,10 @@ def error_figure(results: Sequence[ControlResult]) -> Figure:
         bars = len(errors_by_label)
         for index, (label, errors) in enumerate(errors_by_label.items()):
             # The bars of a joint share four fifths of its place, side by side about its mark.
-            positions = np.arange(len(CONTROLLED)) + 0.8 * (index + 0.5) / bars - 0.4
+            positions = np.arange(len(joints)) + 0.8 * (index + 0.5) / bars - 0.4
             axes.bar(positions, MRAD * np.mean(errors, axis=0), 0.75 / bars, color=styles[label].colour, label=label)
         axes.set(yscale="log", ylabel="rms error / mrad", title=name)
-        axes.set_xticks(range(len(CONTROLLED)), [short(joint) for joint in CONTROLLED], fontsize=8)
+        axes.set_xticks(range(len(joints)), [short(joint) for joint in joints], fontsize=8)
         plain_marks(axes.yaxis, axes.get_ylim())
     figure.legend(*panels[0].get_legend_handles_labels(), fontsize=8, frameon=False, ncols=4, loc="outside upper right")
     dress(panels)
@@ -119,7 +121,7 @@ def response_figure(results: Sequence[ControlResult], pair: IdentifiedPair) -> F
         seen = seen_responses(request, answer, logs[WITHOUT_LABEL][0].dt)[:, joint]
         if np.isfinite(seen).any():
             _draw_response(gain, phase, seen, style, label)
-    gain.set(ylabel="gain", xscale="log", title=f"{short(CONTROLLED[joint])}, {results[0].runs.scenario.name}")
+    gain.set(ylabel="gain", xscale="log", title=f"{short(results[0].joints[joint])}, {results[0].runs.scenario.name}")
     phase.set(ylabel="phase / °", xlabel="frequency / Hz")
     plain_marks(phase.xaxis, (GRID[0], GRID[-1]))
     if gain.lines:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any, TypeVar
 
-from hmtb_twin import JOINTS
-from scenarios.control.campaign import CONTROLLED, identification_experiment
+from scenarios.control.campaign import controlled, identification_experiment
 from scenarios.experiments.multisines import MultisineExperiment
-from scenarios.experiments.scenario import Scenario
+from scenarios.experiments.scenario import Scenario, known_arm
 from scenarios.files.errors import ScenarioError
 
 Experiment = TypeVar("Experiment", Scenario, MultisineExperiment)
@@ -84,11 +83,12 @@ def _identified_arm(experiment: Scenario | MultisineExperiment, payload: str | N
 def _check_joints(experiment: Scenario | MultisineExperiment) -> None:
     """Raise `ScenarioError` if the stick moves a joint that is not under control; Cartesian modes move none."""
     # Axes of Cartesian modes are directions of the tool, whose kinematics hold the shoulder roll.
+    joints = controlled(experiment.variant)
     for name in experiment.axes:
-        if name in JOINTS and name not in CONTROLLED:
+        if name in known_arm(experiment.variant).joints and name not in joints:
             raise ScenarioError(
                 f"{experiment.name}: axes with {name} given, which is not under control; expected some of "
-                f"{', '.join(CONTROLLED)}"
+                f"{', '.join(joints)}"
             )
 
 

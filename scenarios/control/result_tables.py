@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from scenarios.control.campaign import CONTROLLED, IdentifiedPair
+from scenarios.control.campaign import IdentifiedPair
 from scenarios.control.score import Score
 from scenarios.control.study import ControlResult
 from scenarios.files.result_table import ResultTable
@@ -44,7 +44,7 @@ def fit_table(pair: IdentifiedPair) -> ResultTable:
     rows = []
     for name, fit in pair.fits.items():
         rows.append([name, *(f"{value:.3g}" for value in fit)])
-    joints = [joint.replace("_", " ") for joint in CONTROLLED]
+    joints = [joint.replace("_", " ") for joint in pair.joints]
     return ResultTable("Fit of the identified models to their own records / %", ["model", *joints], rows)
 
 
@@ -92,7 +92,7 @@ def _response_rows(result: ControlResult) -> list[list[str]]:
     reference = result.without.reference_response
     responses = (result.without.response, result.controlled.response, reference)
     rows = []
-    for k, joint in enumerate(CONTROLLED):
+    for k, joint in enumerate(result.joints):
         if not np.isfinite(reference.gains[1, k]):  # the run did not excite the joint at 1 Hz
             continue
         gains = " / ".join(f"{response.gains[1, k]:.2f}" for response in responses)

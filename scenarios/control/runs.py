@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Experiment, JointLog, simulate
-from scenarios.control.campaign import CHANNELS
+from scenarios.control.campaign import channels
 from scenarios.experiments.multisines import MultisineExperiment
 from scenarios.experiments.scenario import Scenario
 from sysid import AdaptiveFollowing, Controller
@@ -26,24 +26,26 @@ class DeviationController:
 
     Args:
         law: The law.
+        columns: Columns of its joints among all joints.
     """
 
-    def __init__(self, law: Law) -> None:
-        self._law = law
+    def __init__(self, law: Law, columns: Sequence[int]) -> None:
+        self._law, self._columns = law, list(columns)
 
     def restart(self, command: np.ndarray) -> None:
-        """Begin at rest under a command (7,), rad."""
-        self._origin, self._run, self._begun = command[CHANNELS], self._law.start(), False
+        """Begin at rest under a command (n,), rad."""
+        self._origin, self._run, self._begun = command[self._columns], self._law.start(), False
 
     def command(self, requested: np.ndarray, measured: np.ndarray, sent: np.ndarray) -> np.ndarray:
-        """Return the joint command (7,), rad; see `hmtb_twin.control.experiment.JointController`."""
+        """Return the joint command (n,), rad; see `hmtb_twin.control.experiment.JointController`."""
         if self._begun:
             # The limits are known one tick later.
-            self._run.applied(sent[CHANNELS] - self._origin)
+            self._run.applied(sent[self._columns] - self._origin)
         self._begun = True
-        request_deviation, angle_deviation = (signal[CHANNELS] - self._origin for signal in (requested, measured))
+        columns = self._columns
+        request_deviation, angle_deviation = (signal[columns] - self._origin for signal in (requested, measured))
         command = requested.copy()
-        command[CHANNELS] = self._origin + self._run.command(request_deviation, angle_deviation)
+        command[columns] = self._origin + self._run.command(request_deviation, angle_deviation)
         return command
 
 
@@ -67,7 +69,7 @@ class Controlled:
 
     def controller(self) -> DeviationController:
         """Return a new controller of the joints."""
-        return DeviationController(self.law)
+        return DeviationController(self.law, channels(self.experiment.variant))
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import sysid
-from hmtb_twin import POSES, JointLog, Status
-from scenarios.control.campaign import CHANNELS
+from hmtb_twin import JointLog, Status
+from scenarios.control.campaign import channels
+from scenarios.experiments.scenario import known_arm
 from sysid import FrequencyResponse, IOData, StateSpace, SysidError, SysidWarning
 from sysid.models.bandwidth import HALF_POWER, gain_crossing
 from sysid.records.arrays import ComplexArray, FloatArray, Locked
@@ -55,7 +56,7 @@ class SeenResponse(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Score(Locked):
-    """Scores of one run, joints in the order of `CONTROLLED`.
+    """Scores of one run, the controlled joints in the order of the arm.
 
     Attributes:
         rmse: Root mean square error against the reference model's output for the run's own requests (m,), rad.
@@ -94,12 +95,12 @@ def request_of(log: JointLog) -> FloatArray:
     """Return what the operator requested of the controlled joints (N, m), rad, less the pose at the start."""
     # Without a controller the log has no request of its own: what was sent is the request.
     requested = _sent(log) if log.requested is None else log.requested
-    return np.asarray((requested - _pose(log))[:, CHANNELS])
+    return np.asarray((requested - _pose(log))[:, _columns(log)])
 
 
 def answer_of(log: JointLog) -> FloatArray:
     """Return the measured angles of the controlled joints (N, m), rad, less the pose at the start."""
-    return np.asarray((log.measured - _pose(log))[:, CHANNELS])
+    return np.asarray((log.measured - _pose(log))[:, _columns(log)])
 
 
 def score(log: JointLog, reference: StateSpace, arm: JointLog | None = None) -> Score:
@@ -117,7 +118,7 @@ def score(log: JointLog, reference: StateSpace, arm: JointLog | None = None) -> 
     force = np.array([np.nan]) if log.contact_force is None else log.contact_force
     force_in_contact = force[force > 0.0]
     force_99 = float(np.quantile(force_in_contact, 0.99)) if len(force_in_contact) else float("nan")
-    command_rate = np.diff(_sent(log)[:, CHANNELS], axis=0) / log.dt
+    command_rate = np.diff(_sent(log)[:, _columns(log)], axis=0) / log.dt
     at_limit = (log.status & (Status.VELOCITY_LIMITED | Status.JOINT_LIMITED)) != 0
     return Score(
         rmse=_rms(error),
@@ -139,13 +140,18 @@ def is_stable(error: FloatArray) -> bool:
 
 
 def _sent(log: JointLog) -> FloatArray:
-    """Return the commands that the arm felt (N, 7), rad."""
+    """Return the commands that the arm felt (N, n), rad."""
     return log.commanded if log.sent is None else log.sent
 
 
 def _pose(log: JointLog) -> FloatArray:
-    """Return the pose at rest (7,), rad; the first request differs from it by the bias of the hand controller."""
-    return np.array(POSES[log.provenance["pose"]])
+    """Return the pose at rest (n,), rad; the first request differs from it by the bias of the hand controller."""
+    return np.array(known_arm(log.provenance["variant"]).poses[log.provenance["pose"]])
+
+
+def _columns(log: JointLog) -> list[int]:
+    """Return the columns of the controlled joints."""
+    return channels(log.provenance["variant"])
 
 
 def _rms(values: FloatArray) -> FloatArray:

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from scenarios.control.campaign import CONTROLLED, IdentifiedPair
+from hmtb_twin import VARIANTS
+from scenarios.control.campaign import IdentifiedPair, controlled
 from scenarios.control.design import METHODS, wrong_model
 from scenarios.control.runs import Law, ScenarioRuns, Tested, run_scenarios
 from scenarios.control.score import FREQUENCIES, Score, score
+from scenarios.experiments.scenario import known_arm
 from scenarios.files.errors import ScenarioError
 from sysid import SysidError
 
@@ -29,13 +31,25 @@ def _with_worn_seals(scenario: Tested) -> Tested:
     return replace(scenario, plant=replace(plant, friction_level=WORN * plant.friction_level))
 
 
-CONDITIONS: Mapping[str, Callable[[Tested], Tested]] = {
-    "payload none": partial(_with_payload, payload="none"),
-    "payload ballast": partial(_with_payload, payload="ballast"),
-    "payload mdm": partial(_with_payload, payload="mdm"),
-    "worn seals": _with_worn_seals,
-}
-"""Changes of the arm behind the controller's back: laws and reference stay."""
+PAYLOADS = ("none", "ballast", "mdm")
+"""Payloads of the test bed in stress tests; another machine has all its own."""
+
+WORN_SEALS = "worn seals"
+
+CONDITIONS = (*(f"payload {name}" for name in PAYLOADS), WORN_SEALS)
+"""Names of the stress tests of the test bed; see `conditions`."""
+
+
+def conditions(scenario: Tested) -> dict[str, Callable[[Tested], Tested]]:
+    """Return the changes of the arm behind the controller's back: laws and reference stay."""
+    payloads: tuple[str, ...] = PAYLOADS
+    if scenario.variant not in VARIANTS:
+        payloads = tuple(name for name in known_arm(scenario.variant).payloads if name != scenario.payload)
+    changes: dict[str, Callable[[Tested], Tested]] = {}
+    for name in payloads:
+        changes[f"payload {name}"] = partial(_with_payload, payload=name)
+    return {**changes, WORN_SEALS: _with_worn_seals}
+
 
 WRONG: Mapping[str, Mapping[str, Any]] = {
     "model's gain 0.8": {"gain": 0.8},
@@ -65,6 +79,11 @@ class ControlResult:
     without: Score
     controlled: Score | None
     failed: str
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """The controlled joints."""
+        return controlled(self.runs.scenario.variant)
 
     @property
     def factor(self) -> float:
@@ -99,7 +118,7 @@ class ControlResult:
         record["factor"], record["factor_arm"] = self.factor, self.factor_arm
         record["failed"] = self.failed
         record["frequencies_hz"] = FREQUENCIES
-        record["joints"] = {joint: self._joint_record(channel) for channel, joint in enumerate(CONTROLLED)}
+        record["joints"] = {joint: self._joint_record(channel) for channel, joint in enumerate(self.joints)}
         return record
 
     def _joint_record(self, channel: int) -> dict[str, object]:
@@ -151,14 +170,14 @@ def results(pair: IdentifiedPair, run: ScenarioRuns, laws: Mapping[str, tuple[st
 
 
 def changed_arms(scenario: Tested) -> list[Tested]:
-    """Return a scenario on each of the arms of `CONDITIONS`.
+    """Return a scenario on each of the arms of `conditions`.
 
     Raises:
         ScenarioError: The scenario cannot have one of them: more friction than the laboratory has, or a payload that
             its own payload changes begin with.
     """
     changed: list[Tested] = []
-    for condition, change in CONDITIONS.items():
+    for condition, change in conditions(scenario).items():
         try:
             changed.append(change(scenario))
         except ValueError as error:
@@ -205,7 +224,7 @@ def stress(
         [scenario], wrong_laws, reference=reference, threads=threads, progress=progress
     )
     scored: list[ControlResult] = []
-    for condition, runs in zip(CONDITIONS, runs_on_changed_arms, strict=True):
+    for condition, runs in zip(conditions(scenario), runs_on_changed_arms, strict=True):
         scored += results(pair, runs, {name: (name, condition) for name in laws})
     scored += results(pair, runs_of_wrong_laws, wrong_law_labels)
     return tuple(scored)

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import sysid
-from hmtb_twin import JointLog, Plant, Specimen, simulate
+from hmtb_twin import JointLog, Plant, Specimen, load_arm, simulate
 from scenarios import load
 from scenarios.commands.control import _file_names
 from scenarios.control.campaign import CONTROLLED, EXCITATION, identification_experiment, identify_pair
 from scenarios.control.design import METHODS, read_law, write_law, wrong_model
 from scenarios.control.study import CONDITIONS, WRONG
 from sysid import Controller
+from tests.refusals import refused
 from tests.scenarios.control.test_campaign import model
 
 
@@ -119,3 +120,45 @@ def test_a_wrong_model_answers_wrongly(files):
         wrong.ground.frequency_response([1.0]), 0.8 * late * pair.ground.frequency_response([1.0]), rtol=1e-9
     )
     np.testing.assert_allclose(wrong.record.u, pair.record.u[2:] / 0.8)
+
+
+SWEPT = """
+name = "swept"
+arm = "ur10"
+axes = ["elbow_joint"]
+duration = 10.0
+hand_controller = { gain = 0.02, noise = 0.01, hold = 1, bias = 0.0 }
+excitation = { kind = "multisine", f_min = 0.5, f_max = 3.0 }
+"""
+
+SLOW = """
+model = "example-robot-data:ur_description/urdf/ur10_robot.urdf"
+operating_pose = "ready"
+[poses]
+ready = [0.0, -1.2, 1.6, -1.97, -1.57, 0.0]
+[every_joint]
+bandwidth = 1.0
+coulomb = 0.0
+"""
+
+
+@pytest.mark.slow
+def test_another_arm_answers_like_one_of_its_joints(tmp_path, monkeypatch, result, complaint):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "swept.toml").write_text(SWEPT)
+    assert "expected an arm with those of ur10" in complaint("control", "swept.toml")
+    (tmp_path / "slow").mkdir()
+    (tmp_path / "slow" / "arm.toml").write_text(SLOW.replace("every_joint", "each_joint"))
+    assert "each_joint" in complaint("control", "swept.toml", "--reference", "slow")
+    (tmp_path / "slow" / "arm.toml").write_text(SLOW)
+    done = result("control", "swept.toml", "--reference", "slow", "--with-stress", "--out", "out")
+    (run,) = done["runs"]
+    joints = load_arm("ur10").joints
+    assert tuple(run["joints"]) == joints
+    elbow = run["joints"]["elbow_joint"]
+    assert elbow["rmse_with"] < 0.5 * elbow["rmse_without"]
+    # the arm of the file has no payloads of the test bed
+    assert {one["condition"] for one in done["stress"]} == {"worn seals", *WRONG}
+    again = read_law(tmp_path / "out" / "following.json", joints)
+    assert again.loops == len(joints)
+    refused("expected \\['shoulder_yaw'", read_law, tmp_path / "out" / "following.json")

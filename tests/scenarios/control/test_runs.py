@@ -7,7 +7,7 @@ import pytest
 
 import scenarios
 from hmtb_twin import JOINTS, Plant
-from scenarios.control.campaign import CONTROLLED, IdentifiedPair, frequency_test
+from scenarios.control.campaign import CONTROLLED, IdentifiedPair, channels, frequency_test
 from scenarios.control.result_tables import beyond_the_arm, fit_table, result_tables
 from scenarios.control.runs import DeviationController, run_scenarios
 from scenarios.control.score import is_stable, request_of, score
@@ -120,7 +120,7 @@ def test_errors_that_grow_or_leave_bounds_are_unstable():
 
 
 def test_a_law_works_on_its_joints_in_deviations():
-    joints, pose = DeviationController(law(pole=0.5, gain=0.0, inside=1.0)), np.arange(7.0)
+    joints, pose = DeviationController(law(pole=0.5, gain=0.0, inside=1.0), channels("nominal")), np.arange(7.0)
     moved = np.where([name in CONTROLLED for name in JOINTS], 0.1, 0.5)
     for _ in range(2):
         joints.restart(pose)
