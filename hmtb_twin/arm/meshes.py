@@ -20,7 +20,7 @@ def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
     for geom in range(model.ngeom):
         if model.geom_group[geom] not in SHOWN:
             continue
-        mesh = _geom_mesh(mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom])
+        mesh = _geom_mesh(model, geom)
         pose = np.eye(4)
         rotation = np.empty(9)
         mujoco.mju_quat2Mat(rotation, model.geom_quat[geom])
@@ -39,10 +39,20 @@ def body_meshes(model: mujoco.MjModel) -> "dict[int, trimesh.Trimesh]":
     return bodies
 
 
-def _geom_mesh(shape: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
+def _geom_mesh(model: mujoco.MjModel, geom: int) -> "trimesh.Trimesh":
     """Return the mesh of a geom in its own frame; MuJoCo's sizes are halves."""
-    from trimesh import creation
+    from trimesh import Trimesh, creation
 
+    shape, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
+    if shape == mujoco.mjtGeom.mjGEOM_MESH:
+        number = model.geom_dataid[geom]
+        first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
+        first_face, face_count = model.mesh_faceadr[number], model.mesh_facenum[number]
+        vertices = model.mesh_vert[first : first + count]
+        return Trimesh(vertices, model.mesh_face[first_face : first_face + face_count], process=False)
+    if shape == mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+        ball = creation.icosphere(subdivisions=2)
+        return Trimesh(ball.vertices * size, ball.faces, process=False)
     if shape == mujoco.mjtGeom.mjGEOM_BOX:
         return creation.box(2.0 * size)
     if shape == mujoco.mjtGeom.mjGEOM_SPHERE:
@@ -54,4 +64,5 @@ def _geom_mesh(shape: mujoco.mjtGeom, size: np.ndarray) -> "trimesh.Trimesh":
     if shape == mujoco.mjtGeom.mjGEOM_PLANE:
         # A size of zero means an infinite plane: ten metres do for an arm.
         return creation.box((2.0 * (size[0] or 5.0), 2.0 * (size[1] or 5.0), 0.002))
-    raise ValueError(f"a geom of type {shape.name} has no shape here; expected box, sphere, cylinder, capsule or plane")
+    known = "box, sphere, ellipsoid, cylinder, capsule, plane or mesh"
+    raise ValueError(f"a geom of type {shape.name} has no shape here; expected {known}")

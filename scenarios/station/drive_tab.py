@@ -10,17 +10,19 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from hmtb_twin import IDEAL, JOINTS, MODES, PAYLOADS, POSES, VARIANTS, Chain, JointLog, load_arm
+from hmtb_twin import IDEAL, VARIANTS, Chain, JointLog, load_arm
 from hmtb_twin.bus.shutdown_intervals import shutdown_intervals
 from hmtb_twin.control.modes import axis_names
-from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE
+from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.run.live_run import Frame
 from hmtb_twin.run.playback import pictured_arm
 from scenarios.experiments.hand_drive import Drive, Stick, displays, drive_recipe, exchange
 from scenarios.experiments.log_review import velocity_limited_share
 from scenarios.experiments.registry import load
+from scenarios.experiments.scenario import known_arm
 from scenarios.report.html_pieces import listing, table
+from scenarios.station.experiment_tab import modes_of, variants_of
 from scenarios.station.fields import Field, Form, reporting
 from scenarios.station.recipe import Recipe, RecipeView
 from scenarios.station.stick_pad import StickPad, grid
@@ -34,44 +36,55 @@ if TYPE_CHECKING:
 WORKSITE = "worksite, the unit in its holster"
 """Where the replacement unit is exchanged."""
 
-PLACES = {WORKSITE: "none"} | {f"free space, payload {name}": name for name in PAYLOADS}
-"""Payload at the start of a drive, by the words of the menu."""
+
+def places(arm: str) -> dict[str, str]:
+    """Payload at the start of a drive, by the words of the menu; the worksite fits the test bed alone."""
+    in_free_space = {f"free space, payload {name}": name for name in known_arm(arm).payloads}
+    return ({WORKSITE: "none"} if arm in VARIANTS else {}) | in_free_space
+
 
 PHASES = ("phase", "from / s", "to / s")
 """Head of the table of an exchange."""
 
-ALL = "all six"
+ALL = "all"
 """The menu's word for all axes of a mode."""
 
 
-def axis_choices(mode: str) -> tuple[str, ...]:
+def axis_choices(mode: str, arm: str) -> tuple[str, ...]:
     """Axes of a mode to choose from: all, three together, or one."""
-    names = axis_names(mode)
-    return (ALL, ", ".join(names[:3]), ", ".join(names[3:]), *names)
+    names = axis_names(mode, arm)
+    together = (", ".join(names[:3]), ", ".join(names[3:])) if len(names) > 3 else ()
+    # Where there are four, the last stands alone in both.
+    return tuple(dict.fromkeys((ALL, *together, *names)))
 
 
 _RARE = "Arm, seed, duration"
 
-FIELDS = (
-    Field("mode", "mode", "cartesian_rate", MODES, "offsets of joints or of the tool, or their velocities"),
-    Field("axes", "axes", ALL, axis_choices("cartesian_rate"), "that the hand controller moves"),
-    Field("place", "place", WORKSITE, tuple(PLACES)),
-    Field("imperfect", "imperfections", True, hint="noise, bias, converters, hold, limits, friction"),
-    Field("pose", "pose", OPERATING_POSE, tuple(POSES), folder=_RARE),
-    Field("variant", "arm", "nominal", tuple(VARIANTS), folder=_RARE),
-    Field("seed", "seed", 0, folder=_RARE),
-    Field("duration", "longest duration / s", 600.0, folder=_RARE),
-)
-"""What a drive is described by."""
+
+def drive_fields(arm: str) -> tuple[Field, ...]:
+    """What a drive of an arm is described by."""
+    machine, modes = known_arm(arm), modes_of(arm)
+    # Rates of the tool where the arm has them, else of its joints.
+    mode, where = modes[-1], tuple(places(arm))
+    return (
+        Field("mode", "mode", mode, modes, "offsets of joints or of the tool, or their velocities"),
+        Field("axes", "axes", ALL, axis_choices(mode, arm), "that the hand controller moves"),
+        Field("place", "place", where[0], where),
+        Field("imperfect", "imperfections", True, hint="noise, bias, converters, hold, limits, friction"),
+        Field("pose", "pose", machine.operating_pose, tuple(machine.poses), folder=_RARE),
+        Field("variant", "arm", arm, variants_of(arm), folder=_RARE),
+        Field("seed", "seed", 0, folder=_RARE),
+        Field("duration", "longest duration / s", 600.0, folder=_RARE),
+    )
 
 
 def drive(values: dict[str, Any]) -> Drive:
     """The drive that the fields describe, with a stick of its own; raises `ScenarioError` if they describe none."""
     values = dict(values)
-    mode, chosen = values["mode"], values.pop("axes")
+    mode, chosen, arm = values["mode"], values.pop("axes"), values["variant"]
     worksite = values["place"] == WORKSITE
     # Another mode may have other axes: then all of its own.
-    axes = tuple(chosen.split(", ")) if chosen in axis_choices(mode)[1:] else axis_names(mode)
+    axes = tuple(chosen.split(", ")) if chosen in axis_choices(mode, arm)[1:] else axis_names(mode, arm)
     # A circuit compensates the bias where the tool is steered [Morris1996, sec. II.3B].
     hand_controller = load("rpcm").hand_controller if mode.startswith("cartesian") else HAND_CONTROLLER
     chain = Chain() if values.pop("imperfect") else IDEAL
@@ -79,7 +92,7 @@ def drive(values: dict[str, Any]) -> Drive:
         name="drive",
         axes=axes,
         excitation=(),
-        payload=PLACES[values.pop("place")],
+        payload=places(arm)[values.pop("place")],
         worksite=worksite,
         chain=chain,
         hand_controller=hand_controller,
@@ -107,6 +120,7 @@ class DriveTab:
 
     def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
         self._station, self._client, gui = station, client, client.gui
+        machine = known_arm(station.session.arm)
         last: Any = station.session.memory.get(self.title)
         # A drive goes on while its page is loaded again: the new tab takes over lock, drive and record of the last one.
         self._lock = last._lock if last else threading.RLock()
@@ -116,7 +130,7 @@ class DriveTab:
         self._drawn = 0.0
         self._setup = gui.add_folder("What is driven")
         with self._setup:
-            self._form = Form(gui, FIELDS, drive, self._changed)
+            self._form = Form(gui, drive_fields(station.session.arm), drive, self._changed)
         with gui.add_folder("Drive"):
             self._build_buttons()
         self._displays = gui.add_html("")
@@ -124,9 +138,9 @@ class DriveTab:
         self._outcome = gui.add_html(outcome)
         volts = last.volts.value if last else 2.0
         self.volts = gui.add_slider("deflection / V", 0.1, HAND_CONTROLLER.adc_range, 0.1, volts)
-        self._pad = StickPad(gui, self._push)
+        self._pad = StickPad(gui, self._push, len(machine.free))
         with gui.add_folder("Strip charts"):
-            self._joint: Any = gui.add_dropdown("joint", JOINTS, initial_value="elbow_pitch")
+            self._joint: Any = gui.add_dropdown("joint", machine.joints, initial_value=machine.compared[-1])
             self._angles = StripChart(gui, "joint angle / deg", ("command", "angle"), height=125)
             self._forces = StripChart(gui, "force / N", ("wrist", "contact"), height=125)
         self._joint.on_update(lambda _: self._angles.clear())
@@ -161,10 +175,10 @@ class DriveTab:
 
     def _changed(self, planned: Drive | None) -> None:
         if planned is not None:
-            menu, choices = self._form.handles["axes"], axis_choices(planned.mode)
+            menu, choices = self._form.handles["axes"], axis_choices(planned.mode, planned.variant)
             if menu.options != choices:
                 menu.options = choices
-            self._pad.show(planned.mode, planned.stick.volts())
+            self._pad.show(axis_names(planned.mode, planned.variant), planned.stick.volts())
 
     def _push(self, axis: str, way: int) -> None:
         if self.drive is not None:
@@ -207,7 +221,7 @@ class DriveTab:
         return cast(DriveTab, self._station.session.memory[self.title])
 
     def _clear(self, axis: str) -> None:
-        if axis in JOINTS:
+        if axis in self._joint.options:
             self._joint.value = axis
         self._angles.clear()
         self._forces.clear()
@@ -223,7 +237,7 @@ class DriveTab:
 
     def watch(self, frames: list[Frame]) -> None:
         """Draw the arm's motion."""
-        joint = JOINTS.index(self._joint.value)
+        joint = self._joint.options.index(self._joint.value)
         for frame in frames:
             angles = np.degrees((frame.command[joint], frame.angles[joint])).tolist()
             self._angles.add(frame.tick, frame.time, tuple(angles))
@@ -236,7 +250,7 @@ class DriveTab:
         self._forces.draw()
         self._displays.content = listing(displays(frames[-1], self.drive))
         if self.drive is not None:
-            self._pad.show(self.drive.mode, self.drive.stick.volts())
+            self._pad.show(axis_names(self.drive.mode, self.drive.variant), self.drive.stick.volts())
 
     def done(self, log: JointLog | None, why: str | None) -> None:
         """Keep the record of a drive that has ended, and show its outcome."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from hmtb_twin import JOINTS, MODES, PAYLOADS, POSES, VARIANTS, Chain, JointLog, Status, load_arm
+from hmtb_twin import MODES, VARIANTS, Chain, JointLog, Status, load_arm
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.run.live_run import Frame
@@ -15,9 +15,9 @@ from scenarios.experiments.log_review import status_words
 from scenarios.experiments.preview import preview
 from scenarios.experiments.preview_figure import preview_figure
 from scenarios.experiments.recipe import scenario_recipe
-from scenarios.experiments.registry import load, names
+from scenarios.experiments.registry import load, names, tests_of
 from scenarios.experiments.run_review import review
-from scenarios.experiments.scenario import Scenario
+from scenarios.experiments.scenario import Scenario, known_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.report.html_pieces import card, listing, table
 from scenarios.station.fields import Field, Form, Message, reporting
@@ -61,15 +61,27 @@ def preview_card(scenario: Scenario) -> PreviewCard:
 def axis_choices(scenario: Scenario) -> tuple[str, ...]:
     """Axes of the scenario's mode to choose from, one or several separated by commas; its own first."""
     axes = axis_names(scenario.mode, scenario.variant)
-    choices = (", ".join(scenario.axes), *axes, ", ".join(axes_moved_together(scenario.mode)), ", ".join(axes))
+    together = axes_moved_together(scenario.mode, scenario.variant)
+    choices = (", ".join(scenario.axes), *axes, ", ".join(together), ", ".join(axes))
     return tuple(dict.fromkeys(choices))
 
 
-def axes_moved_together(mode: str) -> tuple[str, ...]:
-    """Three axes of a mode that the thesis moved together."""
+def axes_moved_together(mode: str, variant: str) -> tuple[str, ...]:
+    """Three axes of a mode: those that the thesis moved together, or the first joints of another machine."""
     if mode.startswith("cartesian"):
         return ("x", "y", "z")
-    return ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
+    return known_arm(variant).studied or axis_names(mode, variant)[:3]
+
+
+def modes_of(arm: str) -> tuple[str, ...]:
+    """Control modes that an arm has."""
+    has_tool_modes = known_arm(arm).rigid is None
+    return tuple(mode for mode in MODES if has_tool_modes or not mode.startswith("cartesian"))
+
+
+def variants_of(arm: str) -> tuple[str, ...]:
+    """Arms that may take the place of an arm: the variants of the test bed have the same joints."""
+    return tuple(VARIANTS) if arm in VARIANTS else (arm,)
 
 
 def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
@@ -83,9 +95,9 @@ def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
     volts = values.pop("amplitude", None)
     axes = tuple(axis.strip() for axis in values.pop("axes").split(","))
     mode = values["mode"]
-    if mode != base.mode and not set(axes) <= set(axis_names(mode)):
+    if mode != base.mode and not set(axes) <= set(axis_names(mode, base.variant)):
         # The old mode's axes mean nothing in the new one: the first that the thesis moved is a start.
-        axes = axes_moved_together(mode)[:1]
+        axes = axes_moved_together(mode, base.variant)[:1]
     shutdown = values.pop("shutdown").replace(",", " ").split()
     try:
         times = tuple(float(time) for time in shutdown)
@@ -94,6 +106,13 @@ def changed_scenario(base: Scenario, values: dict[str, Any]) -> Scenario:
     if volts is not None and volts != base.amplitude:
         base = base.with_amplitude(volts)
     return replace(base, **values, axes=axes, shutdown=times)
+
+
+def followed_joint(scenario: Scenario) -> int:
+    """Column of the joint whose angle the page draws: the first that is excited, else the last that is compared."""
+    arm = known_arm(scenario.variant)
+    excited = [axis for axis in scenario.axes if axis in arm.joints]
+    return arm.joint_index(excited[0] if excited else arm.compared[-1])
 
 
 class ExperimentTab:
@@ -109,11 +128,12 @@ class ExperimentTab:
     def __init__(self, station: "Desk", client: "viser.ClientHandle") -> None:
         self._station, self._client = station, client
         gui = client.gui
-        options, prepared = names(), station.session.scenario.name
+        arm, prepared = station.session.arm, station.session.scenario.name
+        options = names() if arm in VARIANTS else tuple(tests_of(arm))
         # An experiment from a file is not in the menu.
         first = prepared if prepared in options else options[0]
         self._start = gui.add_dropdown("start from", options, initial_value=first)
-        self._start.on_update(reporting(client, lambda: station.session.prepare(load(self._start.value))))
+        self._start.on_update(reporting(client, lambda: station.session.prepare(load(self._start.value, arm=arm))))
         self._fields = gui.add_folder("What is done", expand_by_default=True)
         self._build_form()
         # The tab of a page that was loaded before: a run goes on while its page is loaded again.
@@ -185,19 +205,20 @@ class ExperimentTab:
         # A folder of viser can be removed, but not emptied.
         for child in list(self._fields._children.values()):
             child.remove()
+        machine = known_arm(scenario.variant)
         volts, times = scenario.amplitude, " ".join(f"{time:g}" for time in scenario.shutdown)
         fields = [
             Field("name", "name", scenario.name),
-            Field("mode", "mode", scenario.mode, tuple(MODES)),
+            Field("mode", "mode", scenario.mode, modes_of(scenario.variant)),
             Field("axes", "axes", ", ".join(scenario.axes), axis_choices(scenario)),
         ]
         if volts is not None:
             fields.append(Field("amplitude", "amplitude / V", volts))
         fields.append(Field("duration", "duration / s", scenario.duration))
         fields += [
-            Field("payload", "payload", scenario.payload, tuple(PAYLOADS), folder=RARE),
-            Field("pose", "pose", scenario.pose, tuple(POSES), folder=RARE),
-            Field("variant", "arm", scenario.variant, tuple(VARIANTS), folder=RARE),
+            Field("payload", "payload", scenario.payload, tuple(machine.payloads), folder=RARE),
+            Field("pose", "pose", scenario.pose, tuple(machine.poses), folder=RARE),
+            Field("variant", "arm", scenario.variant, variants_of(scenario.variant), folder=RARE),
             Field("seed", "seed", scenario.seed, folder=RARE),
             Field("shutdown", "shutdowns / s", times, hint=SHUTDOWN_HINT, folder=RARE),
         ]
@@ -273,7 +294,7 @@ class ExperimentTab:
         self._form.checked()
         station, scenario = self._station, self._station.session.scenario
         station.scene.load(experiment_arm(scenario, worksite=True, load=load_arm))
-        self._joint = JOINTS.index(next((axis for axis in scenario.axes if axis in JOINTS), "elbow_pitch"))
+        self._joint = followed_joint(scenario)
         for chart in self._charts:
             chart.clear()
         self._outcome.content = ""
@@ -281,7 +302,8 @@ class ExperimentTab:
             self._track.close()
         self._tracked.say("")
         # A joint alone, long enough to calibrate.
-        followed = scenario.axes == (JOINTS[self._joint],) and scenario.duration > CALIBRATION
+        moved = known_arm(scenario.variant).joints[self._joint]
+        followed = scenario.axes == (moved,) and scenario.duration > CALIBRATION
         self._track = LiveTrack(self._charts[2], self._tracked) if followed else None
 
         def done(log: JointLog | None, why: str | None) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from hmtb_twin import JOINTS
+from scenarios.experiments.scenario import known_arm
 from scenarios.files.errors import ScenarioError
 from scenarios.identification.comparison_figures import FIGURES
 from scenarios.identification.file_identification import IdentificationRequest
@@ -45,13 +45,13 @@ PRETREATMENT, COLUMNS = "Pretreatment and prediction", "Columns of the table"
 """Folders of rare fields."""
 
 
-def fields(records: tuple[str, ...], shown: str) -> tuple[Field, ...]:
+def fields(records: tuple[str, ...], shown: str, joints: tuple[str, ...]) -> tuple[Field, ...]:
     """The fields that say which data to take, and how."""
     start = shown or FILE
     return (
         Field("record", "record", start, (*records, FILE)),
         Field("file", "file", "", hint="path of a log, a record, or a table; several separated by semicolons"),
-        Field("joint", "joint", EXCITED, (EXCITED, *JOINTS)),
+        Field("joint", "joint", EXCITED, (EXCITED, *joints)),
         Field("validate", "validate on", "its last quarter", (*SHARES, *records, FILE)),
         Field("other", "validation file", ""),
         Field("skip", "leave out start / s", 0.0, folder=PRETREATMENT),
@@ -96,7 +96,7 @@ def checked(session: Session, values: dict[str, Any]) -> dict[str, Any]:
     if log is not None:
         if values["skip"] >= len(log) * log.dt:
             raise ScenarioError(f"expected less than the {len(log) * log.dt:g} s of the record")
-        if not values["joint"] and (len(log.axes) != 1 or log.axes[0] not in JOINTS):
+        if not values["joint"] and (len(log.axes) != 1 or log.axes[0] not in log.joints):
             raise ScenarioError(f"{log.name} moves {', '.join(log.axes)}: choose the joint")
     return values
 
@@ -118,7 +118,7 @@ class IdentifyTab:
         gui = client.gui
         self._form = Form(
             gui,
-            fields(tuple(station.session.records), station.session.shown),
+            fields(tuple(station.session.records), station.session.shown, known_arm(station.session.arm).joints),
             lambda values: checked(station.session, dict(values)),
             lambda _: self._arrange(),
         )

@@ -6,11 +6,9 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
-from hmtb_twin import JOINTS
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.meshes import body_meshes
 from hmtb_twin.arm.rendering import scene_model
-from hmtb_twin.parameters.values import OPERATING_POSE
 from hmtb_twin.run.live_run import Frame
 
 if TYPE_CHECKING:
@@ -21,6 +19,9 @@ GHOST = (0.0, 114.0, 178.0)
 
 NEWTONS_PER_METRE = 200.0
 """Wrist force that is drawn as an arrow of one metre."""
+
+TOOL = "tool"
+"""Site at which the wrist force is drawn."""
 
 SHORTEST_ARROW = 0.02
 """Arrows below this length are not drawn, m."""
@@ -80,7 +81,11 @@ class Scene:
                     opacity=0.25,
                     cast_shadow=False,
                 )
-            self._tool = model.site("tool").id
+            # Shapes that a machine's own file brings have no tool: its place is that of the model that is simulated.
+            self._has_tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, TOOL) >= 0
+            self._tool_data = self._data if self._has_tool else mujoco.MjData(arm.model)
+            self._tool_model = model if self._has_tool else arm.model
+            self._tool = self._tool_model.site(TOOL).id
             self._arrow = scene.add_arrows(
                 "/arm/force",
                 np.zeros((1, 2, 3)),
@@ -90,7 +95,7 @@ class Scene:
                 head_length=0.05,
                 visible=False,
             )
-        angles = arm.pose(OPERATING_POSE)
+        angles = arm.pose(arm.description.operating_pose)
         self.show(Frame(0, angles, angles, np.zeros(6), 0))
 
     @property
@@ -111,18 +116,21 @@ class Scene:
             if self._ghost_visible:
                 self._place(self._ghost, frame.command, frame.unit_pose)
             self._place(self._bodies, frame.angles, frame.unit_pose)
-            tip = self._data.site_xpos[self._tool]
+            if not self._has_tool:
+                self._tool_data.qpos[: len(frame.angles)] = frame.angles
+                mujoco.mj_kinematics(self._tool_model, self._tool_data)
+            tip = self._tool_data.site_xpos[self._tool]
             # The sensor measures what the arm exerts on what it holds; what the arm feels is drawn, a weight downwards.
-            force = -self._data.site_xmat[self._tool].reshape(3, 3) @ frame.wrench[:3] / NEWTONS_PER_METRE
+            force = -self._tool_data.site_xmat[self._tool].reshape(3, 3) @ frame.wrench[:3] / NEWTONS_PER_METRE
             long = float(np.linalg.norm(force)) > SHORTEST_ARROW
             self._arrow.visible = long
             if long:
                 self._arrow.points = np.array([[tip, tip + force]], dtype=np.float32)
 
     def _place(self, handles: "dict[int, viser.FrameHandle]", angles: np.ndarray, unit: np.ndarray | None) -> None:
-        self._data.qpos[: len(JOINTS)] = angles
+        self._data.qpos[: len(angles)] = angles
         if unit is not None:
-            self._data.qpos[len(JOINTS) : len(JOINTS) + len(unit)] = unit
+            self._data.qpos[len(angles) : len(angles) + len(unit)] = unit
         mujoco.mj_kinematics(self._model, self._data)
         for body, handle in handles.items():
             handle.position, handle.wxyz = self._data.xpos[body], self._data.xquat[body]

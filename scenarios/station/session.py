@@ -24,6 +24,7 @@ class Session:
         memory: What single tabs remember from one browser to the next, by their titles.
         waveform: The excitation being prepared; None as long as it is that of the experiment.
         waveform_file: Name of the file that its points come from, if they come from a file.
+        arm: The arm that the station operates.
     """
 
     folder: Path
@@ -33,6 +34,7 @@ class Session:
     memory: dict[str, Any] = field(default_factory=dict)
     waveform: Excitation | None = None
     waveform_file: str = "points.txt"
+    arm: str = "nominal"
     _watchers: list[Callable[[], None]] = field(default_factory=list)
 
     def watch(self, changed: Callable[[], None]) -> None:

@@ -6,9 +6,9 @@ from pathlib import Path
 from time import sleep
 from typing import TYPE_CHECKING, Any
 
-from hmtb_twin import load_arm
+from hmtb_twin import VARIANTS, load_arm
 from hmtb_twin.run.live_motion import Motion
-from scenarios.experiments.registry import load
+from scenarios.experiments.registry import load, tests_of
 from scenarios.jobs.work import Work
 from scenarios.station.desk import Desk
 from scenarios.station.drive_tab import DriveTab
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import viser
 
 FIRST_SCENARIO = "siso-5-elbow_pitch"
-"""The experiment that a new station has prepared."""
+"""The experiment that a new station of the test bed has prepared."""
 
 FIRST_CAMERA = "overview"
 """The camera that a new browser looks through."""
@@ -43,15 +43,18 @@ class Station(Desk):
     Args:
         folder: Where files are written.
         port: Port on the loopback address; 0 takes a free one.
+        arm: The arm that is operated, by name or by the path of its files.
 
     Raises:
-        ScenarioError: viser is not installed, or the port is taken.
+        ScenarioError: viser is not installed, the port is taken, or there is no such arm.
     """
 
-    def __init__(self, folder: Path, port: int = 0) -> None:
+    def __init__(self, folder: Path, port: int = 0, arm: str = "nominal") -> None:
+        # Of another machine its first test: a binary sequence on its first joint.
+        first = FIRST_SCENARIO if arm in VARIANTS else next(iter(tests_of(arm)))
         # A browser that leaves while something is sent to it is no news for the terminal.
         warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
-        server, session = open_server(port), Session(folder, load(FIRST_SCENARIO))
+        server, session = open_server(port), Session(folder, load(first, arm=arm), arm=arm)
         scene = Scene(server, load_arm(session.scenario.variant, session.scenario.payload))
         super().__init__(server, session, scene, Motion(scene.show), Work())
         # Browsers come and go in threads of their own.

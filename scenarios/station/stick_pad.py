@@ -1,11 +1,9 @@
 """Keys and buttons of the hand controller on the page."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from typing import TYPE_CHECKING, Any, Literal, cast
-
-from hmtb_twin.control.modes import axis_names
 
 if TYPE_CHECKING:
     import viser
@@ -13,8 +11,9 @@ if TYPE_CHECKING:
 PUSHES = 20.0
 """Pushes per second while a key or a button is held."""
 
-KEYS = ("KI", "LJ", "OU", "RY", "GT", "FH")
-"""Keys that push each axis back and forth; those that move the eye, W A S D Q E and the arrows, stay free."""
+KEYS = ("KI", "LJ", "OU", "RY", "GT", "FH", "BN", "ZX")
+"""Keys that push each axis back and forth; those that move the eye, W A S D Q E and the arrows, stay free. An axis
+beyond these has buttons alone."""
 
 LET_GO: Literal["0"] = "0"
 """Key that lets go of all axes; released keys press it."""
@@ -35,10 +34,11 @@ class StickPad:
     Args:
         gui: Where to put it, in the container that is open.
         push: Called with an axis and its direction, -1 or 1, as long as it is pushed, and with 0 when it is released.
+        count: Most axes that a mode of the arm has.
     """
 
-    def __init__(self, gui: "viser.GuiApi", push: Callable[[str, int], None]) -> None:
-        self._push, self._axes = push, ("",) * len(KEYS)
+    def __init__(self, gui: "viser.GuiApi", push: Callable[[str, int], None], count: int = 6) -> None:
+        self._push, self._axes = push, ("",) * count
         script = resources.files("scenarios").joinpath("templates/stick.js").read_text(encoding="utf-8")
         # Escaped, since it stands inside the attribute of an element.
         script = escape(script.replace("PERIOD", str(1000.0 / PUSHES)).replace("LET_GO", LET_GO))
@@ -47,27 +47,40 @@ class StickPad:
         self._pads: dict[int, tuple[Any, ...]] = {}
         with gui.add_folder("Hand controller: hold buttons or keys"):
             grid(gui, "stick-pad", "44px 1fr 44px 44px 1fr 44px")
-            for place in (0, 3, 1, 4, 2, 5):  # translations at the left, rotations at the right
+            # Of six translations at the left, rotations at the right; of a long arm the first half at the left.
+            half = (count + 1) // 2
+            for place in (one for row in range(half) for one in (row, row + half) if one < count):
                 self._pads[place] = self._button(gui, place, -1), gui.add_html(""), self._button(gui, place, 1)
         gui.add_command("Let go of the hand controller", hotkey=LET_GO).on_trigger(lambda _: self._let_go())
 
     def _button(self, gui: "viser.GuiApi", place: int, way: int) -> Any:
-        key, sign = KEYS[place][way > 0], "+" if way > 0 else "\N{MINUS SIGN}"
-        button = gui.add_button(f"{sign} {key}", color="gray")
-        command = gui.add_command(f"Push axis {place + 1} to {sign}", hotkey=cast(Any, key))
-        for pushed in (button.on_hold(callback_hz=PUSHES), command.on_trigger):
-            pushed(lambda _: self._push(self._axes[place], way))
+        sign = "+" if way > 0 else "\N{MINUS SIGN}"
+        key = KEYS[place][way > 0] if place < len(KEYS) else ""
+        button = gui.add_button(f"{sign} {key}".strip(), color="gray")
+        pushes: list[Any] = [button.on_hold(callback_hz=PUSHES)]
+        if key:
+            pushes.append(gui.add_command(f"Push axis {place + 1} to {sign}", hotkey=cast(Any, key)).on_trigger)
+        for pushed in pushes:
+            pushed(lambda _: self._push_axis(place, way))
         # A click is complete when the button is released.
         button.on_click(lambda _: self._let_go())
         return button
+
+    def _push_axis(self, place: int, way: int) -> None:
+        if place < len(self._axes):
+            self._push(self._axes[place], way)
 
     def _let_go(self) -> None:
         for axis in self._axes:
             self._push(axis, 0)
 
-    def show(self, mode: str, volts: Mapping[str, float]) -> None:
-        """Show the axes of an experiment and their deflections, V."""
-        self._axes = axis_names(mode)
+    def show(self, axes: Sequence[str], volts: Mapping[str, float]) -> None:
+        """Show the axes of a mode and the deflections of those that are moved, V."""
+        self._axes = tuple(axes)
+        for place, handles in self._pads.items():
+            if place >= len(axes):
+                for handle in handles:
+                    handle.visible = False
         for place, axis in enumerate(self._axes):
             for handle in self._pads[place]:
                 handle.visible = axis in volts

@@ -6,13 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hmtb_twin import JOINTS, JointLog
+from hmtb_twin import JointLog
 from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.live_run import Frame, frame_of
 from hmtb_twin.run.playback import pictured_arm
 from scenarios.experiments.presentation import Presentation, moved_joints, present_log
 from scenarios.experiments.preview_figure import COLOURS, RED
 from scenarios.experiments.recipe import Recipe
+from scenarios.experiments.scenario import known_arm
 from scenarios.report.html_pieces import listing, table
 from scenarios.station.fields import Message, reporting
 from scenarios.station.opening import files_in, open_place
@@ -95,7 +96,7 @@ class StudyTab:
             self._time = gui.add_slider("time / s", 0.0, 1.0, SAMPLE_TIME, 0.0)
             self._steering = gui.add_button_group("", ("Play", "Pause", "To the start"))
             self._speed = gui.add_dropdown("times as fast", SPEEDS, initial_value="1")
-            self._joint = gui.add_dropdown("joint", JOINTS)
+            self._joint = gui.add_dropdown("joint", known_arm(station.session.arm).joints)
             self._plots = [LogPlot(gui, names) for names in (("command", "measured"), ("x", "y", "z"), ("load",))]
             self._loop = gui.add_checkbox("again and again", False)
         self._opened: Presentation | None = None
@@ -209,7 +210,7 @@ class StudyTab:
     def _load_plots(self) -> None:
         if self._opened is None or (log := self._opened.log) is None:
             return
-        joint, column = self._joint.value.replace("_", " "), JOINTS.index(self._joint.value)
+        joint, column = self._joint.value.replace("_", " "), log.joint_index(self._joint.value)
         electric = log.provenance.get("drives") == "electric"
         load = "motor current, {} / A" if electric else "load pressure, {} / MPa"
         angles, force, pressure = self._plots

@@ -14,11 +14,11 @@ from scenarios.experiments.hand_drive import SPRING, Stick, displays
 from scenarios.experiments.registry import load
 from scenarios.experiments.rpcm import HOLSTER, PHASES, approach_point, rpcm_outcome, task_operator
 from scenarios.experiments.scenario import Scenario
-from scenarios.station.drive_tab import ALL, FIELDS, WORKSITE, DriveTab, axis_choices, drive
+from scenarios.station.drive_tab import ALL, WORKSITE, DriveTab, axis_choices, drive, drive_fields
 from scenarios.station.stick_pad import KEYS, LET_GO, PUSHES
 from tests.scenarios.station.conftest import press, wait_until
 
-VALUES = {field.name: field.initial for field in FIELDS}
+VALUES = {field.name: field.initial for field in drive_fields("nominal")}
 FREE = "free space, payload rpcm"
 
 
@@ -110,7 +110,7 @@ def test_the_fields_describe_the_drive():
     assert (one.axes, one.payload, one.worksite) == (("wrist_roll",), "mdm", False)
     assert drive(VALUES | {"imperfect": False}).chain == IDEAL
     assert drive(VALUES | {"axes": "wrist_roll"}).axes == first.axes  # of another mode
-    for choice in axis_choices("cartesian"):
+    for choice in axis_choices("cartesian", "nominal"):
         assert drive(VALUES | {"mode": "cartesian", "axes": choice}).axes == (
             first.axes if choice == ALL else tuple(choice.split(", "))
         )
