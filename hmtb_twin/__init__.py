@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from hmtb_twin.control.experiment import IDEAL, Chain, Experiment, Motion, Operator, PayloadChange, Status, View
     from hmtb_twin.control.modes import MODES
     from hmtb_twin.files.errors import OverloadError, TwinError, TwinWarning
-    from hmtb_twin.parameters.payloads import PAYLOADS
+    from hmtb_twin.parameters.payloads import PAYLOADS, Load
     from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
     from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
     from hmtb_twin.parameters.values import JOINTS, POSES, SAMPLE_RATE, SAMPLE_TIME, STUDIED_JOINTS, HandController
@@ -38,6 +38,7 @@ __all__ = [
     "HandController",
     "JointLog",
     "JointTruth",
+    "Load",
     "Motion",
     "Operator",
     "OverloadError",

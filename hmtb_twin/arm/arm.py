@@ -21,7 +21,7 @@ from hmtb_twin.hydraulics.equilibrium import drooping, inertia, pin_stiffnesses,
 from hmtb_twin.hydraulics.valve_equilibrium import settled_arm
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.payloads import SEATS, WORKSITE_PAYLOADS
+from hmtb_twin.parameters.payloads import SEATS, WORKSITE_PAYLOADS, Load
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
@@ -198,7 +198,7 @@ class Arm:
         n = len(self.joints)
         data.qpos[:n] = angles
         if self.worksite:
-            held = self.description.payloads[self.payload] is not None
+            held = self.description.held(self.payload) is not None
             data.eq_active[self.model.equality(LATCH_WELD).id] = held
             position, rotation = self.controller.tool_pose(angles) if held else SEATS["holster"].seated
             data.qpos[n : n + 3] = position
@@ -274,7 +274,7 @@ class Arm:
 
 def load_arm(
     variant: str = "nominal",
-    payload: str | None = None,
+    payload: str | Load | None = None,
     *,
     plant: Plant = NOMINAL_PLANT,
     specimen: Specimen = NOMINAL_SPECIMEN,
@@ -286,8 +286,9 @@ def load_arm(
     Args:
         variant: The arm: one of `VARIANTS`, a name of example-robot-data as "panda", or the path of an MJCF, a URDF or
             a folder; see `arm_named`.
-        payload: Payload of the end effector, one of the arm's; by default the one for which its servos are tuned, of
-            the test bed the RPCM. At the worksite, the initial payload: "none" leaves the unit in its holster.
+        payload: Payload of the end effector: one of the arm's by name, or a `Load` of your own. By default the one for
+            which its servos are tuned, of the test bed the RPCM. At the worksite, the initial payload: "none" leaves
+            the unit in its holster.
         plant: Supply, oil, friction and noise of the drives.
         specimen: Deviations of this arm from its variant.
         friction: Whether the joints have the dry friction of the plant; without it the oil's drag stays, and the arm
@@ -303,6 +304,8 @@ def load_arm(
     """
     if payload is None:
         payload = arm_named(variant).tuned_payload
+    if isinstance(payload, Load):
+        payload = payload.text
     check_arm(variant, payload, plant, worksite=bool(worksite), specimen=specimen)
     if not friction:
         plant = plant.sliding
@@ -320,8 +323,8 @@ def check_arm(
         raise TwinError(f'plant = {shown(plant)} given, expected a Plant, such as Plant(actuator="orifice")')
     if not isinstance(specimen, Specimen):
         raise TwinError(f"specimen = {shown(specimen)} given, expected a Specimen, such as Specimen(payload_mass=1.1)")
-    if not isinstance(payload, str) or payload not in arm.payloads:
-        raise TwinError(f"unknown payload {shown(payload)}, available: {', '.join(arm.payloads)}")
+    # Called for its error.
+    arm.held(payload)
     if worksite and arm.rigid is not None:
         raise TwinError(f"arm {variant!r} at the worksite given, expected an arm of the test bed, whose worksite it is")
     if worksite and payload not in WORKSITE_PAYLOADS:

@@ -15,6 +15,9 @@ from hmtb_twin.parameters.values import JOINTS, LINKS, Link
 UNIT = "rpcm"
 """Name of the payload's body."""
 
+SMALLEST_SHAPE = 0.01
+"""Least half side of the box that is drawn for a payload, m: a point mass has none."""
+
 BODIES = dict(
     zip(
         (*JOINTS, "end_effector"),
@@ -42,11 +45,11 @@ def write_bodies(
     Args:
         spec: The model of `hmtb.xml` or of a scene around it.
         variant: The arm; entries equal to the nominal arm's stay untouched.
-        payload: One of `PAYLOADS`.
+        payload: A payload of the arm, or the text of one.
         specimen: Deviations of links and payload.
     """
     spec.option.gravity = [0.0, 0.0, -variant.gravity]
-    held = variant.payloads[payload]
+    held = variant.held(payload)
     if variant.rigid is not None:
         if isinstance(held, Load):
             _load(spec.body(PAYLOAD_BODY), held, specimen.payload_mass)
@@ -60,7 +63,11 @@ def write_bodies(
         empty.mass, empty.inertia = 0.0, [0.0, 0.0, 0.0]
         for shape in list(empty.geoms):
             spec.delete(shape)
-    elif isinstance(held, Payload) and held != PAYLOADS["rpcm"]:
+    elif isinstance(held, Load):
+        # A specimen's factor follows below, as with every payload.
+        _load(spec.body(UNIT), held, 1.0)
+        _draw_load(spec.body(UNIT), held)
+    elif held != PAYLOADS["rpcm"]:
         unit = spec.body(UNIT)
         x, y, z = held.size
         unit.mass, unit.inertia, unit.ipos = held.mass, list(held.inertia), [x / 2, 0.0, 0.0]
@@ -76,6 +83,19 @@ def _load(body: mujoco.MjsBody, held: Load, factor: float) -> None:
     body.mass, body.ipos, body.inertia = factor * held.mass, list(held.centre), list(factor * moments)
     mujoco.mju_mat2Quat(body.iquat, np.ascontiguousarray(axes).ravel())
     body.explicitinertial = True
+
+
+def _draw_load(body: mujoco.MjsBody, held: Load) -> None:
+    """Give the shapes of the unit the size of the uniform box that has the mass and inertia of a payload."""
+    moments, axes = held.principal
+    # Of a box with the sides a, b and c: Ixx = m (b^2 + c^2) / 12, and so on.
+    squares = 6.0 * (moments.sum() - 2.0 * moments) / held.mass
+    half = np.maximum(np.sqrt(np.maximum(squares, 0.0)) / 2.0, SMALLEST_SHAPE)
+    quaternion = np.empty(4)
+    mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(axes).ravel())
+    box, marking = body.geoms[:2]
+    box.pos, box.size, box.quat = list(held.centre), list(half), quaternion
+    marking.pos, marking.size, marking.quat = list(held.centre), list(half / 2.0), quaternion
 
 
 def _deviate(spec: mujoco.MjSpec, specimen: Specimen, *, held: bool) -> None:
@@ -111,7 +131,7 @@ def write_controller_bodies(root: ElementTree.Element, variant: ArmDescription, 
         # Defaults and the pin are <joint> too.
         if joint.get("name") in variant.joints:
             joint.set("armature", repr(variant.actuators[str(joint.get("name"))].motor.armature))
-    held = variant.payloads[payload]
+    held = variant.held(payload)
     if variant.rigid is not None:
         if isinstance(held, Load):
             _write_load(bodies[PAYLOAD_BODY], held)
@@ -120,7 +140,9 @@ def write_controller_bodies(root: ElementTree.Element, variant: ArmDescription, 
         _write_inertia(bodies[BODIES[name]], link.mass, link.length / 2, link)
     if held is None:
         bodies["end_effector"].remove(bodies[UNIT])
-    elif isinstance(held, Payload) and held != PAYLOADS["rpcm"]:
+    elif isinstance(held, Load):
+        _write_load(bodies[UNIT], held)
+    elif held != PAYLOADS["rpcm"]:
         _write_inertia(bodies[UNIT], held.mass, held.size[0] / 2, held)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.payloads import Load, Payload
+from hmtb_twin.parameters.payloads import OWN, OWN_FORM, Load, Payload, load_of
 from hmtb_twin.parameters.quantity import Provenance
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
 from hmtb_twin.parameters.values import BusTerminal, Link, Motion, Servo
@@ -170,6 +170,21 @@ class ArmDescription:
     def upper(self) -> np.ndarray:
         """Upper ends of the joint ranges (n,), rad."""
         return np.array([self.motions[joint].upper for joint in self.joints])
+
+    def held(self, payload: str) -> Payload | Load | None:
+        """Return a payload of the arm by its name, or one of a user's own from its text (`Load.text`); None if empty.
+
+        Raises:
+            TwinError: It is neither.
+        """
+        if isinstance(payload, str) and payload.startswith(OWN):
+            return load_of(payload)
+        if not isinstance(payload, str) or payload not in self.payloads:
+            raise TwinError(
+                f"unknown payload {shown(payload)}, available: {', '.join(self.payloads)}; or one of your own, "
+                f"{OWN_FORM}"
+            )
+        return self.payloads[payload]
 
     def joint_index(self, name: str) -> int:
         """Return the place of a joint; raises `TwinError` for an unknown one."""

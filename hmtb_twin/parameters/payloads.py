@@ -1,13 +1,13 @@
 """Payloads of the end effector, and the seats and latch that hold the replacement unit at the worksite."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, pi, radians, sin
 from types import MappingProxyType
 
 import numpy as np
 
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.quantity import quantity
 
 
@@ -56,12 +56,67 @@ class Load:
             )
 
     @property
+    def text(self) -> str:
+        """The payload as one word of a scenario or a command, all its digits; `load_of` reads it back."""
+        parts = {"mass": (self.mass,), "centre": self.centre, "inertia": self.inertia}
+        return " ".join(f"{key}={','.join(repr(float(number)) for number in part)}" for key, part in parts.items())
+
+    @property
     def principal(self) -> tuple[np.ndarray, np.ndarray]:
         """Principal moments (3,), kg m^2, and axes as columns (3, 3), right-handed."""
         xx, yy, zz, xy, xz, yz = self.inertia
         moments, axes = np.linalg.eigh(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]))
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         return moments, axes
+
+
+OWN = "mass="
+"""Begins the text of a payload of one's own."""
+
+OWN_FORM = "mass=KG centre=X,Y,Z inertia=XX,YY,ZZ"
+"""Form of such a text; `centre` and `inertia` may be missing, and an inertia may have six numbers."""
+
+
+def load_of(text: str) -> Load:
+    """Read a payload from its text, `OWN_FORM`: numbers in kg, m and kg m^2, in the frame of the tool.
+
+    Raises:
+        TwinError: It has another form, or no body has such an inertia.
+    """
+    values: dict[str, tuple[float, ...]] = {"centre": (0.0,) * 3, "inertia": (0.0,) * 6}
+    seen = set()
+    for part in text.split():
+        key, _, numbers = part.partition("=")
+        if key not in ("mass", "centre", "inertia") or key in seen:
+            raise TwinError(f"payload {shown(text)} given, expected {OWN_FORM}: {shown(part)} is none of it")
+        seen.add(key)
+        try:
+            values[key] = tuple(float(number) for number in numbers.split(","))
+        except ValueError as error:
+            raise TwinError(f"payload {shown(text)} given, expected {OWN_FORM}, all numbers: {error}") from error
+    return load_from(values)
+
+
+def load_from(values: Mapping[str, Sequence[float]]) -> Load:
+    """Return a payload of a mass, a centre and an inertia of three numbers along the axes of the tool, or of six.
+
+    Raises:
+        TwinError: Other counts of numbers, or no body has such an inertia.
+    """
+    inertia = tuple(values["inertia"])
+    if len(inertia) == 3:
+        inertia = (*inertia, 0.0, 0.0, 0.0)
+    mass, centre = tuple(values.get("mass", ())), tuple(values["centre"])
+    if (len(mass), len(centre), len(inertia)) != (1, 3, 6):
+        raise TwinError(
+            f"payload with {len(mass)} numbers of mass, {len(centre)} of centre and {len(values['inertia'])} of "
+            "inertia given, expected one, three, and three or six"
+        )
+    if not np.isfinite([*mass, *centre, *inertia]).all():
+        raise TwinError(f"payload {shown((*mass, *centre, *inertia))} given, expected finite numbers")
+    x, y, z = centre
+    xx, yy, zz, xy, xz, yz = inertia
+    return Load(mass[0], (x, y, z), (xx, yy, zz, xy, xz, yz))
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,10 @@ def preview(
     duration: float | None = None,
     seed: int | None = None,
     arm: str | None = None,
+    payload: str | None = None,
+    record: Path | None = None,
+    record_column: tuple[str, ...] = (),
+    record_rate: float | None = None,
     overwrite: bool = False,
     json: bool = False,
 ) -> int:
@@ -34,16 +38,23 @@ def preview(
         duration: Length of every experiment instead of the scenario's own, s.
         seed: Seed of the noise, as for hmtb simulate; the scenario's own when not given.
         arm: The arm instead of the scenarios' own, by name or path, as for hmtb simulate.
+        payload: What the end effector holds instead, as for hmtb simulate.
+        record: File of a signal of your own to play instead, as for hmtb simulate.
+        record_column: Columns of a table, one for each axis.
+        record_rate: Samples of the record per second, Hz.
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
+    from scenarios.experiments.own_signal import Changes
     from scenarios.experiments.preview import preview as compute_preview
     from scenarios.experiments.preview_figure import preview_figure
     from scenarios.experiments.registry import selected
     from scenarios.report.figures import save_figure
 
     records = {}
-    scenarios = {scenario.name: scenario for scenario in selected(names, duration=duration, seed=seed, arm=arm)}
+    changes = Changes(payload, record, record_column, record_rate)
+    chosen = map(changes.made, selected(names, duration=duration, seed=seed, arm=arm))
+    scenarios = {scenario.name: scenario for scenario in chosen}
     files = {name: f"{name}-preview.png" for name in scenarios}
     with output_folder(out, *files.values(), overwrite=overwrite) as folder:
         for name, scenario in scenarios.items():
@@ -58,7 +69,8 @@ def preview(
     if json:
         print_json({"previews": records})
     else:
-        options = {"names": names, "out": out, "duration": duration, "seed": seed, "arm": arm}
+        options = {"names": names, "out": out, "duration": duration, "seed": seed, "arm": arm, "payload": payload}
+        options |= {"record": record, "record_column": record_column, "record_rate": record_rate}
         say(f"next: {command_line('hmtb simulate', simulate, options)}")
     return 0
 

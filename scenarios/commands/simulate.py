@@ -33,6 +33,10 @@ def simulate(
     duration: float | None = None,
     seed: int | None = None,
     arm: str | None = None,
+    payload: str | None = None,
+    record: Path | None = None,
+    record_column: tuple[str, ...] = (),
+    record_rate: float | None = None,
     threads: int | None = None,
     dropped: float = 0.0,
     invalid: float = 0.0,
@@ -54,6 +58,11 @@ def simulate(
         seed: Seed of the noise; the scenario's own when not given. The same seed gives the same bits.
         arm: The arm instead of the scenarios' own: a variant of the test bed, another arm by name (panda), or the path
             of an MJCF, a URDF or a folder. hmtb scenarios --arm ARM lists its own tests.
+        payload: What the end effector holds instead: a payload of the arm by name, or your own, as
+            "mass=2.5 centre=0,0,0.05 inertia=0.01,0.01,0.02" (kg, m and kg m2 in the frame of the tool).
+        record: File of a signal of your own to play instead: one number in V per line, or a table with a header.
+        record_column: Columns of the table, one for each axis.
+        record_rate: Samples of the record per second, Hz; by default that of the table's times, else 50.
         threads: Threads to use; the logs do not depend on it.
         dropped: Probability that the recorder of the 1553 bus misses a message.
         invalid: Probability that a data word on the bus fails its parity check.
@@ -62,6 +71,7 @@ def simulate(
         json: Print JSON.
     """
     import hmtb_twin
+    from scenarios.experiments.own_signal import Changes
     from scenarios.experiments.registry import selected
     from scenarios.experiments.run_review import review
     from scenarios.files.record_file import ENDINGS
@@ -73,7 +83,8 @@ def simulate(
     faults = {"dropped": dropped, "invalid": invalid, "silent": silent}
     _check_bus(formats, faults)
     scenarios: dict[str, Scenario] = {}
-    for scenario in selected(names, duration=duration, seed=seed, arm=arm):
+    changes = Changes(payload, record, record_column, record_rate)
+    for scenario in map(changes.made, selected(names, duration=duration, seed=seed, arm=arm)):
         if scenario.name in scenarios:
             raise ScenarioError(f"scenario {scenario.name!r} is named twice; each log needs a name of its own")
         scenarios[scenario.name] = scenario

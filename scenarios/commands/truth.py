@@ -82,7 +82,8 @@ def truth(
         variant: Which arm: nominal (when not given), published, flight or released.
         arm: Another arm by name (panda), or the path of an MJCF, a URDF or a folder; the numbers that its files leave
             out are assumed, and listed below the table.
-        payload: What the end effector holds: of the test bed rpcm (the module, when not given), none, ballast or mdm.
+        payload: What the end effector holds: of the test bed rpcm (the module, when not given), none, ballast or mdm;
+            or "mass=KG centre=X,Y,Z inertia=XX,YY,ZZ", kg, m and kg m2 in the frame of the tool.
         pose: Operating point: rpcm_holster_out_approach (when not given) or home, or the seven joint angles in degrees,
             separated by commas.
         actuator: Linear law of load and flow (when not given), or servo valves with square-root orifices.

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
-from scenarios.experiments.waveform import LONGEST, Parameter, Waveform, read_points, read_samples
+from scenarios.experiments.own_signal import read_signals
+from scenarios.experiments.waveform import LONGEST, Parameter, Waveform, read_points
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 
@@ -156,7 +157,11 @@ class Excitation:
         if table["kind"] == "record" and "path" in parameters:
             if "samples" in parameters or not isinstance(parameters["path"], str):
                 raise ScenarioError("excitation 'record' takes samples, or the path of a file with them; expected one")
-            parameters["samples"] = read_samples(folder / parameters.pop("path"))
+            column, rate = parameters.pop("column", None), parameters.get("sample_rate")
+            columns = () if column is None else (codec.structure(str, column, "column"),)
+            rate = None if rate is None else codec.structure(float, rate, "sample_rate")
+            (signal,) = read_signals(folder / parameters.pop("path"), columns, rate)
+            parameters |= {"samples": signal.samples, "sample_rate": signal.sample_rate}
         return cls(table["kind"], parameters, **settings)
 
 

@@ -251,9 +251,11 @@ def on_arm(scenario: "Scenario", arm: str) -> "Scenario":
     Raises:
         ScenarioError: There is no such arm, or it has no such axes.
     """
+    from hmtb_twin.parameters.payloads import OWN
     from scenarios.experiments.scenario import known_arm
 
     description = known_arm(arm)
-    payload = scenario.payload if scenario.payload in description.payloads else description.tuned_payload
+    has_payload = scenario.payload in description.payloads or scenario.payload.startswith(OWN)
+    payload = scenario.payload if has_payload else description.tuned_payload
     pose = scenario.pose if scenario.pose in description.poses else description.operating_pose
     return replace(scenario, variant=arm, payload=payload, pose=pose)

@@ -1,7 +1,7 @@
 """One experiment: an immutable description, read from a TOML file."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ from hmtb_twin.control.control_station import payload_exchanges, servo_power
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.parameters.arm_description import ArmDescription
+from hmtb_twin.parameters.payloads import OWN, load_from
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.experiments.excitation_computer import Excitation, check_outputs
 from scenarios.experiments.rpcm import check_task, task_operator
@@ -60,7 +61,8 @@ class Scenario:
         seed: Draws the noise of the hand controller and of the sensors.
         variant: The arm: a variant of the test bed, e.g. ``"nominal"``, another arm by name, or a path; TOML files may
             call it `arm`.
-        payload: Payload of the end effector, e.g. ``"rpcm"``.
+        payload: Payload of the end effector, e.g. ``"rpcm"``, or the text of one's own; a TOML table of its mass,
+            centre and inertia.
         pose: Keyframe of the operating point.
         mode: Control mode, e.g. ``"single_joint"``.
         worksite: Whether the arm stands at the worksite, with contact, instead of in free space.
@@ -111,7 +113,10 @@ class Scenario:
 
     def _check(self) -> None:
         arm = known_arm(self.variant)
-        choices: Mapping[str, Iterable[str]] = {"payload": arm.payloads, "pose": arm.poses, "mode": MODES}
+        choices: dict[str, Iterable[str]] = {"pose": arm.poses, "mode": MODES}
+        # One's own payload is checked with the arm.
+        if not self.payload.startswith(OWN):
+            choices = {"payload": arm.payloads, **choices}
         for attribute, available in choices.items():
             if getattr(self, attribute) not in available:
                 raise ScenarioError(unknown(attribute, getattr(self, attribute), available))
@@ -305,4 +310,25 @@ def _with_arm(table: Mapping[str, Any]) -> dict[str, Any]:
         arm = known_arm(name)
         values.setdefault("payload", arm.tuned_payload)
         values.setdefault("pose", arm.operating_pose)
+    payload = values.get("payload")
+    if isinstance(payload, Mapping):
+        values["payload"] = _own_payload(payload)
     return values
+
+
+def _own_payload(table: Mapping[str, Any]) -> str:
+    """Text of a payload that a table describes by mass, kg, centre, m, and inertia, kg m^2, in the frame of the tool.
+
+    Raises:
+        ScenarioError: Another key, no mass, or no numbers.
+    """
+    for key in table:
+        if key not in ("mass", "centre", "inertia"):
+            raise ScenarioError(unknown("key of payload", key, ("mass", "centre", "inertia")))
+    values: dict[str, Sequence[float]] = {"centre": (0.0,) * 3, "inertia": (0.0,) * 6}
+    for key, given in table.items():
+        values[key] = codec.structure(tuple[float, ...], [given] if key == "mass" else given, f"payload: {key}")
+    try:
+        return load_from(values).text
+    except TwinError as error:
+        raise ScenarioError(str(error)) from error

@@ -205,16 +205,25 @@ def read_points(path: str | Path) -> tuple[float, ...]:
 
 
 def read_samples(path: str | Path) -> tuple[float, ...]:
-    """Read a signal of any length: numbers in V separated by spaces, commas or lines; comments begin with #.
+    """Read a signal of any length: one number in V per line, or all in one line; comments begin with #.
 
     Returns:
         Its samples (n,), V.
 
     Raises:
-        ScenarioError: The file cannot be read, or holds something else than numbers.
+        ScenarioError: The file cannot be read, holds something else than numbers, or several columns.
     """
     path = Path(path)
-    return parse_numbers(_content(path, "numbers"), str(path), "numbers")
+    content = _content(path, "numbers")
+    values = parse_numbers(content, str(path), "numbers")
+    lines = [line for line in content.decode("utf-8-sig").splitlines() if line.partition("#")[0].strip()]
+    # Columns of a table, one after the other, would be no signal.
+    if 1 < len(lines) != len(values):
+        raise ScenarioError(
+            f"waveform file {str(path)!r}: {len(values)} numbers in {len(lines)} lines given, expected one number in V "
+            "per line, or the name of a column of a table with a header"
+        )
+    return values
 
 
 def parse_points(content: bytes, source: str) -> tuple[float, ...]:

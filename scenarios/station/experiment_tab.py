@@ -206,6 +206,8 @@ class ExperimentTab:
         for child in list(self._fields._children.values()):
             child.remove()
         machine = known_arm(scenario.variant)
+        # One's own payload of a scenario file is no name of the arm's.
+        payloads = tuple(dict.fromkeys((*machine.payloads, scenario.payload)))
         volts, times = scenario.amplitude, " ".join(f"{time:g}" for time in scenario.shutdown)
         fields = [
             Field("name", "name", scenario.name),
@@ -216,7 +218,7 @@ class ExperimentTab:
             fields.append(Field("amplitude", "amplitude / V", volts))
         fields.append(Field("duration", "duration / s", scenario.duration))
         fields += [
-            Field("payload", "payload", scenario.payload, tuple(machine.payloads), folder=RARE),
+            Field("payload", "payload", scenario.payload, payloads, folder=RARE),
             Field("pose", "pose", scenario.pose, tuple(machine.poses), folder=RARE),
             Field("variant", "arm", scenario.variant, variants_of(scenario.variant), folder=RARE),
             Field("seed", "seed", scenario.seed, folder=RARE),

@@ -1,5 +1,7 @@
 """Signals of one's own, of any length, as an excitation: from an array, from a list in TOML, and from a file."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,8 @@ import sysid
 from hmtb_twin import IDEAL, JointLog
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.experiments import Excitation, Scenario
+from scenarios.experiments.own_signal import Changes, read_signals
+from scenarios.experiments.registry import load
 from scenarios.files.errors import ScenarioError
 from tests.refusals import refused
 
@@ -95,3 +99,84 @@ def test_a_wrong_signal_is_one_line(signal, rate, says):
     with pytest.raises(ScenarioError, match=says) as error:
         Excitation.from_signal(signal, rate)
     assert "\n" not in str(error.value)
+
+
+def table(path, *columns, header="t,left,right", interval=0.02):
+    """A table with times and one column or two."""
+    times = interval * np.arange(len(columns[0]))
+    np.savetxt(path, np.column_stack([times, *columns]), delimiter=",", header=header, comments="", fmt="%.10g")
+    return path
+
+
+def test_columns_of_a_table_with_its_own_rate(tmp_path):
+    path = table(tmp_path / "drive.csv", SIGNAL, -SIGNAL, interval=0.01)
+    left, right = read_signals(path, ("left", "right"))
+    np.testing.assert_allclose(left.samples, SIGNAL, rtol=1e-9)
+    np.testing.assert_allclose(right.samples, -SIGNAL, rtol=1e-9)
+    assert left.sample_rate == right.sample_rate == 100.0
+    assert read_signals(path, ("left",), 100.0)[0] == left
+    refused(r"a sampling rate of 50 Hz given, its times have 100 Hz", read_signals, path, ("left",), 50.0)
+    refused(r"unknown column 'rigth' \(did you mean 'right'\?\)", read_signals, path, ("rigth",))
+    refused("no file .*none.csv", read_signals, tmp_path / "none.csv", ("left",))
+
+
+@pytest.fixture
+def bare(tmp_path):
+    """A table without a header, beside which no column is named."""
+    np.savetxt(tmp_path / "bare.csv", np.column_stack([SIGNAL, SIGNAL]), delimiter=",")
+    return tmp_path
+
+
+def test_what_no_table_may_hold(bare):
+    refused("666 numbers in 333 lines given, expected one number in V per line", read_signals, bare / "bare.csv")
+    broken = SIGNAL.copy()
+    broken[7] = np.nan
+    refused("NaN|number", read_signals, table(bare / "nan.csv", broken, broken), ("left",))
+    jumps = np.cumsum(np.where(np.arange(333) == 100, 0.5, 0.02))
+    np.savetxt(bare / "gap.csv", np.column_stack([jumps, SIGNAL]), delimiter=",", header="t,left", comments="")
+    refused("gap.csv", read_signals, bare / "gap.csv", ("left",))
+
+
+def test_a_record_takes_the_place_of_an_excitation(tmp_path):
+    path = table(tmp_path / "drive.csv", SIGNAL, -SIGNAL)
+    (tmp_path / "one.txt").write_text("\n".join(map(repr, SIGNAL.tolist())), encoding="utf-8")
+    one = Changes(record=tmp_path / "one.txt").made(load("siso-5-elbow_pitch"))
+    assert one.excitation == (Excitation.from_signal(SIGNAL),)
+    two = replace(played(Excitation("prbs")), axes=("elbow_pitch", "shoulder_yaw"))
+    both = Changes(record=path, columns=("left", "right")).made(two)
+    first = [excitation.parameters["samples"][0] for excitation in both.excitation]
+    assert first == pytest.approx([SIGNAL[0], -SIGNAL[0]])
+    assert both.independent_channels
+    refused("with 2 axes .* and 1 signals of one.txt given", Changes(record=tmp_path / "one.txt").made, two)
+    refused("an operator moves the stick", Changes(record=path, columns=("left",)).made, load("rpcm"))
+    refused("expected --record FILE beside it", Changes, columns=("left",))
+    text = 'name = "mine"\naxes = ["elbow_pitch"]\nduration = 4.0\n[excitation]\nkind = "record"\npath = "drive.csv"\n'
+    (tmp_path / "mine.toml").write_text(text + 'column = "right"\n', encoding="utf-8")
+    assert Scenario.read(tmp_path / "mine.toml").excitation == (both.excitation[1],)
+
+
+def test_the_command_line_plays_a_record_with_a_payload(tmp_path, monkeypatch, result, complaint):
+    monkeypatch.chdir(tmp_path)
+    table(tmp_path / "drive.csv", SIGNAL, -SIGNAL)
+    words = ("siso-5-elbow_pitch", "--duration", 4, "--record", "drive.csv")
+    own = ("--payload", "mass=2.5 centre=0,0,0.05 inertia=0.01,0.01,0.02")
+    result("simulate", *words, "--record-column", "left", *own)
+    log = JointLog.load("siso-5-elbow_pitch.nc")
+    scenario = Scenario.from_toml(log.provenance["scenario"])
+    np.testing.assert_allclose(scenario.excitation[0].parameters["samples"], SIGNAL, rtol=1e-9)
+    load_text = hmtb_twin.Load(2.5, (0, 0, 0.05), (0.01, 0.01, 0.02, 0, 0, 0)).text
+    assert scenario.payload == log.provenance["payload"] == load_text
+    assert result("compare", "siso-5-elbow_pitch.nc", "--models", "truth")["models"][0]["fit"]["simulation"][0] > 50.0
+    result("preview", *words, "--record-column", "right", *own)
+    assert "unknown column 'up'" in complaint("simulate", *words, "--record-column", "up", "--overwrite")
+    assert "none above the sum" in complaint("simulate", *words[:3], "--payload", "mass=1 inertia=1,1,9", "--overwrite")
+
+
+def test_a_payload_is_a_table_of_a_scenario_file():
+    text = 'name = "mine"\naxes = ["elbow_pitch"]\nduration = 4.0\nexcitation = { kind = "prbs" }\n'
+    own = Scenario.from_toml(text + "payload = { mass = 2.0, centre = [0.0, 0.0, 0.1] }\n")
+    assert own.payload == hmtb_twin.Load(2.0, (0.0, 0.0, 0.1), (0.0,) * 6).text
+    assert Scenario.from_toml(own.to_toml()) == own
+    refused("unknown key of payload 'weight'", Scenario.from_toml, text + "payload = { weight = 2.0 }\n")
+    refused("0 numbers of mass", Scenario.from_toml, text + "payload = { centre = [0.0, 0.0, 0.1] }\n")
+    refused("2 of centre", Scenario.from_toml, text + "payload = { mass = 1.0, centre = [0.0, 0.1] }\n")
