@@ -20,6 +20,7 @@ from sysid import IOData
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.figure import Figure
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
@@ -195,6 +196,23 @@ class JointLog:
         motors = [arm.actuators[joint].motor for joint in self.joints]
         largest = np.array([motor.maximum_torque for motor in motors])
         return np.clip(self.load_pressure * [motor.constant for motor in motors], -largest, largest)
+
+    def plot(self, joints: str | Sequence[str] | None = None) -> "Figure":
+        """Draw commands, angles, errors and efforts over time.
+
+        Args:
+            joints: The joint, or several; by default those that are excited, or where none is, those that move most.
+
+        Returns:
+            A figure of matplotlib, a row of panels for each joint; `figure.savefig("log.png")` writes it.
+
+        Raises:
+            TwinError: An unknown joint, or one that is named twice.
+        """
+        # Here, because matplotlib takes a second to load.
+        from hmtb_twin.bus.log_figure import log_figure
+
+        return log_figure(self, joints)
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return all channels as a data set of xarray, with names, units and the time in s."""
