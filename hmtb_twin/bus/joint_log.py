@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hmtb_twin.arm_files.known_arms import arm_named
+from hmtb_twin.bus.log_figure import JointCurves, log_figure
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     import pandas
     import xarray
     from matplotlib.figure import Figure
+
+MOST_DRAWN = 3
+"""Joints that a figure shows where none is named and none is excited alone."""
 
 WRENCH = ("force_x", "force_y", "force_z", "torque_x", "torque_y", "torque_z")
 """Components of the wrist force/torque sensor, in its own frame."""
@@ -209,10 +213,23 @@ class JointLog:
         Raises:
             TwinError: An unknown joint, or one that is named twice.
         """
-        # Here, because matplotlib takes a second to load.
-        from hmtb_twin.bus.log_figure import log_figure
+        chosen = self._drawn_joints() if joints is None else (joints,) if isinstance(joints, str) else tuple(joints)
+        columns = [self.joint_index(joint) for joint in chosen]
+        if not columns or len(set(columns)) < len(columns):
+            raise TwinError(f"joints = {chosen} given, expected one or more of {', '.join(self.joints)}, each once")
+        effort = self.effort
+        curves = []
+        for joint, column in zip(chosen, columns, strict=True):
+            curves.append(JointCurves(joint, self.felt[:, column], self.measured[:, column], effort[:, column]))
+        title = f"{self.name}, arm {self.provenance.get('variant', 'unknown')}, seed {self.seed}"
+        limited = (self.status & (Status.VELOCITY_LIMITED | Status.JOINT_LIMITED)) != 0
+        return log_figure(title, self.time, curves, limited)
 
-        return log_figure(self, joints)
+    def _drawn_joints(self) -> tuple[str, ...]:
+        """The excited joints; of axes of the tool, which are none, the joints that move most."""
+        excited = tuple(axis for axis in self.axes if axis in self.joints)
+        most = np.argsort(-np.ptp(self.true_angles, axis=0), kind="stable")[:MOST_DRAWN]
+        return excited or tuple(self.joints[column] for column in sorted(most.tolist()))
 
     def to_xarray(self) -> "xarray.Dataset":
         """Return all channels as a data set of xarray, with names, units and the time in s."""

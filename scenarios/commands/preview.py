@@ -45,10 +45,10 @@ def preview(
         overwrite: Replace files that exist, without a question.
         json: Print JSON.
     """
-    from scenarios.experiments.own_signal import Changes
     from scenarios.experiments.preview import preview as compute_preview
     from scenarios.experiments.preview_figure import preview_figure
     from scenarios.experiments.registry import selected
+    from scenarios.experiments.replacements import Changes
     from scenarios.report.figures import save_figure
 
     records = {}

@@ -71,8 +71,8 @@ def simulate(
         json: Print JSON.
     """
     import hmtb_twin
-    from scenarios.experiments.own_signal import Changes
     from scenarios.experiments.registry import selected
+    from scenarios.experiments.replacements import Changes
     from scenarios.experiments.run_review import review
     from scenarios.files.record_file import ENDINGS
 

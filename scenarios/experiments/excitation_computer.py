@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.experiments.excitation import KINDS
-from scenarios.experiments.own_signal import read_signals
-from scenarios.experiments.waveform import LONGEST, Parameter, Waveform, read_points
+from scenarios.experiments.waveform import LONGEST, Parameter, Waveform, read_points, read_signals
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError, unknown
 

@@ -12,6 +12,10 @@ import numpy as np
 from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.parameters.values import SAMPLE_RATE
 from scenarios.files.errors import ScenarioError
+from sysid import SysidError
+from sysid.records.importers import SAME_INTERVAL, Choice, records_of
+from sysid.records.text_columns import text_columns
+from sysid.records.time_stamps import interval_unit, is_time
 
 Parameter = float | int | bool | tuple[float, ...]
 """A parameter of an excitation."""
@@ -40,6 +44,23 @@ class PowerSpectrum(NamedTuple):
 
     frequency: np.ndarray
     density: np.ndarray
+
+
+PLAYED = "played once more"
+"""Name of the output that a record needs to be checked as any other one; no file has such a column."""
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A signal of one channel.
+
+    Attributes:
+        samples: Its samples (n,), V.
+        sample_rate: Samples per second, Hz.
+    """
+
+    samples: tuple[float, ...]
+    sample_rate: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,6 +245,46 @@ def read_samples(path: str | Path) -> tuple[float, ...]:
             "per line, or the name of a column of a table with a header"
         )
     return values
+
+
+def read_signals(path: Path, columns: Sequence[str] = (), sample_rate: float | None = None) -> tuple[Signal, ...]:
+    """Read signals from a file.
+
+    Args:
+        path: A text file of one number in V per line; or a table with a header, of which `columns` name the signals.
+        columns: Names of columns, V. A column of times, as t, gives the sampling rate.
+        sample_rate: Samples per second, Hz; by default that of the times, without times 50 Hz.
+
+    Raises:
+        ScenarioError: No such file or column, a sample that is no finite number, times that are not uniform, or a
+            rate that contradicts them.
+    """
+    if not columns:
+        return (Signal(read_samples(path), float(SAMPLE_RATE) if sample_rate is None else float(sample_rate)),)
+    if not path.is_file():
+        raise ScenarioError(f"no file {str(path)!r}; expected a table with the column {columns[0]!r}")
+    try:
+        table, place = text_columns(path, columns)
+        times = any(is_time(name) or interval_unit(name) is not None for name in table)
+        # Times may only be confirmed by a stated rate, which an interval beside them would replace.
+        interval = None if times else 1.0 / (sample_rate or SAMPLE_RATE)
+        missing = [name for name in columns if name not in table]
+        # Its own error names the columns that there are.
+        everything = table if missing else {**table, PLAYED: table[columns[0]]}
+        choice = Choice(tuple(columns), (PLAYED,), None, None, interval, missing=False)
+        (record,) = records_of(everything, choice, path, place)
+    except SysidError as error:
+        raise ScenarioError(f"{error}; of the record {path.name} that is to be played") from error
+    rate = 1.0 / float(record.dt)
+    if sample_rate is not None and abs(rate - sample_rate) > SAME_INTERVAL * rate:
+        raise ScenarioError(
+            f"{path.name}: a sampling rate of {sample_rate:g} Hz given, its times have {rate:.6g} Hz; expected one"
+        )
+    # Times are written with few digits: a rate of 49.9999 Hz would drift against the position loop.
+    whole = round(rate)
+    if abs(rate - whole) <= SAME_INTERVAL * rate:
+        rate = float(whole)
+    return tuple(Signal(tuple(column.tolist()), rate) for column in np.asarray(record.u).T)
 
 
 def parse_points(content: bytes, source: str) -> tuple[float, ...]:

@@ -10,8 +10,9 @@ import sysid
 from hmtb_twin import IDEAL, JointLog
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from scenarios.experiments import Excitation, Scenario
-from scenarios.experiments.own_signal import Changes, read_signals
 from scenarios.experiments.registry import load
+from scenarios.experiments.replacements import Changes
+from scenarios.experiments.waveform import read_signals
 from scenarios.files.errors import ScenarioError
 from tests.refusals import refused
 
