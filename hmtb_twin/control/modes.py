@@ -9,6 +9,7 @@ import pinocchio as pin
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.arm_files.known_arms import arm_named
+from hmtb_twin.control.damped_rates import DampedRates
 from hmtb_twin.control.experiment import Experiment, Status
 from hmtb_twin.control.resolved_rate import ResolvedRate
 from hmtb_twin.files.errors import TwinError
@@ -91,26 +92,25 @@ class Cartesian:
 
     Args:
         controller: The controller's own model.
-        pose: Joint angles of the reference pose, where the command starts (7,), rad.
+        rates: What finds the joint commands of a wanted tool pose.
+        pose: Joint angles of the reference pose, where the command starts (n,), rad.
         directions: Places in `TOOL_AXES` of the directions that the stick moves.
-        lower: Lower ends of the joint ranges (7,), rad.
-        upper: Upper ends (7,), rad.
-        step: Largest change of each joint's command in one tick (7,), rad; infinite without a velocity limit.
+        lower: Lower ends of the joint ranges (n,), rad.
+        upper: Upper ends (n,), rad.
         dt: Length of a tick in rate mode, s; None in position mode.
     """
 
     def __init__(
         self,
         controller: ControllerModel,
+        rates: ResolvedRate | DampedRates,
         pose: np.ndarray,
         directions: list[int],
         lower: np.ndarray,
         upper: np.ndarray,
-        step: np.ndarray,
         dt: float | None,
     ) -> None:
-        self._controller = controller
-        self._resolved_rate = ResolvedRate(controller, lower=lower, upper=upper, step=step)
+        self._controller, self._rates = controller, rates
         self._directions, self._lower, self._upper = directions, lower, upper
         self._dt = dt
         self._command = np.array(pose, dtype=float)
@@ -129,7 +129,7 @@ class Cartesian:
         twist[self._directions] = deflection if self._dt is None else self._dt * deflection
         position = self._position + self._rotation @ twist[:3]
         rotation = self._rotation @ pin.exp3(twist[3:]) if twist[3:].any() else self._rotation
-        reached = self._resolved_rate.follow(self._command, position, rotation)
+        reached = self._rates.follow(self._command, position, rotation)
         self._command = reached.angles
         status = (
             reached.velocity_limited * Status.VELOCITY_LIMITED
@@ -184,11 +184,6 @@ def axis_names(mode: str, variant: str = "nominal") -> tuple[str, ...]:
     arm = arm_named(variant)
     if not mode.startswith("cartesian"):
         return arm.free
-    if arm.rigid is not None:
-        raise TwinError(
-            f"mode {mode} given for the arm {variant}, expected single_joint or single_joint_rate: the Cartesian modes "
-            "are of the chain of the test bed"
-        )
     return TOOL_AXES
 
 
@@ -222,5 +217,8 @@ def start_mode(experiment: Experiment, arm: Arm) -> Mode:
     dt = tick if experiment.mode.endswith("rate") else None
     if experiment.mode.startswith("cartesian"):
         directions = [TOOL_AXES.index(name) for name in axes]
-        return Cartesian(arm.controller, pose, directions, lower, upper, step, dt)
+        # The test bed has a closed form of its chain; every other one is solved by least squares.
+        solver = ResolvedRate if arm.description.rigid is None else DampedRates
+        rates = solver(arm.controller, lower=lower, upper=upper, step=step)
+        return Cartesian(arm.controller, rates, pose, directions, lower, upper, dt)
     return SingleJoint(pose, [arm.description.joint_index(name) for name in axes], lower, upper, step, dt)

@@ -4,6 +4,8 @@ from collections.abc import Iterator, Sequence
 from math import floor, log10
 from typing import Any
 
+import numpy as np
+
 from hmtb_twin import load_arm
 from hmtb_twin.parameters.arm_description import ArmDescription
 
@@ -23,6 +25,15 @@ SWEPT = {
 
 ALL_JOINTS = "all-joints"
 """Name of the test of all joints at once."""
+
+TOOL = "tool"
+"""Name of the test that moves the tool along its three axes."""
+
+TASK = 6
+"""Joints that an arm needs to move its tool and to keep its orientation."""
+
+FASTEST_TOOL = 0.02
+"""Largest gain of the tool's command, m/V."""
 
 DURATION = 120.0
 """Length of every test, s."""
@@ -84,6 +95,34 @@ def arm_tests(arm: ArmDescription) -> Iterator[dict[str, Any]]:
         "tags": ["multisine"],
         "excitation": multisines,
     }
+    # The chain of the test bed has tests of its tool among those of the thesis.
+    if arm.rigid is None or len(arm.free) < TASK:
+        return
+    yield {
+        **_test(arm, TOOL, arm.free),
+        "axes": ["x", "y", "z"],
+        "mode": "cartesian",
+        "seed": FIRST_SEED + position + 1,
+        "independent_channels": True,
+        "description": "the tool along its x, y and z, each with a multisine of its own",
+        "tags": ["multisine"],
+        "hand_controller": {**interface(arm, arm.free), "translation_gain": translation_gain(arm)},
+        "excitation": multisines[:3],
+    }
+
+
+def translation_gain(arm: ArmDescription) -> float:
+    """Gain of the tool's command, m/V: the largest round one at which 1 V on three axes moves no joint at its limit."""
+    loaded = load_arm(arm.name)
+    # Joint motion of a tool that moves along its axes and does not turn.
+    motion = np.abs(np.linalg.pinv(loaded.controller.tool_jacobian(loaded.pose(arm.operating_pose)))[:, :3]).sum(axis=1)
+    angles = np.array(arm.poses[arm.operating_pose])
+    slewing = loaded.velocity_limits * arm.sample_time / 2.0
+    ending = REACH * np.minimum(angles - arm.lower, arm.upper - angles)
+    # A joint that does not move bounds nothing.
+    moved = motion > 1e-9
+    largest = float((np.minimum(slewing, ending)[moved] / motion[moved]).min(initial=np.inf))
+    return _rounded(min(largest, FASTEST_TOOL))
 
 
 def interface(arm: ArmDescription, joints: Sequence[str]) -> dict[str, Any]:

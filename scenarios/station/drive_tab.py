@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from hmtb_twin import IDEAL, VARIANTS, Chain, JointLog, load_arm
+from hmtb_twin import IDEAL, MODES, VARIANTS, Chain, JointLog, load_arm
 from hmtb_twin.bus.shutdown_intervals import shutdown_intervals
-from hmtb_twin.control.modes import axis_names
+from hmtb_twin.control.modes import TOOL_AXES, axis_names
 from hmtb_twin.parameters.values import HAND_CONTROLLER
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.run.live_run import Frame
@@ -22,7 +22,7 @@ from scenarios.experiments.log_review import velocity_limited_share
 from scenarios.experiments.registry import load
 from scenarios.experiments.scenario import known_arm
 from scenarios.report.html_pieces import listing, table
-from scenarios.station.experiment_tab import modes_of, variants_of
+from scenarios.station.experiment_tab import variants_of
 from scenarios.station.fields import Field, Form, reporting
 from scenarios.station.recipe import Recipe, RecipeView
 from scenarios.station.stick_pad import StickPad, grid
@@ -63,11 +63,9 @@ _RARE = "Arm, seed, duration"
 
 def drive_fields(arm: str) -> tuple[Field, ...]:
     """What a drive of an arm is described by."""
-    machine, modes = known_arm(arm), modes_of(arm)
-    # Rates of the tool where the arm has them, else of its joints.
-    mode, where = modes[-1], tuple(places(arm))
+    machine, mode, where = known_arm(arm), "cartesian_rate", tuple(places(arm))
     return (
-        Field("mode", "mode", mode, modes, "offsets of joints or of the tool, or their velocities"),
+        Field("mode", "mode", mode, MODES, "offsets of joints or of the tool, or their velocities"),
         Field("axes", "axes", ALL, axis_choices(mode, arm), "that the hand controller moves"),
         Field("place", "place", where[0], where),
         Field("imperfect", "imperfections", True, hint="noise, bias, converters, hold, limits, friction"),
@@ -138,7 +136,7 @@ class DriveTab:
         self._outcome = gui.add_html(outcome)
         volts = last.volts.value if last else 2.0
         self.volts = gui.add_slider("deflection / V", 0.1, HAND_CONTROLLER.adc_range, 0.1, volts)
-        self._pad = StickPad(gui, self._push, len(machine.free))
+        self._pad = StickPad(gui, self._push, max(len(machine.free), len(TOOL_AXES)))
         with gui.add_folder("Strip charts"):
             self._joint: Any = gui.add_dropdown("joint", machine.joints, initial_value=machine.compared[-1])
             self._angles = StripChart(gui, "joint angle / deg", ("command", "angle"), height=125)

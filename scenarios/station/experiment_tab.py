@@ -73,12 +73,6 @@ def axes_moved_together(mode: str, variant: str) -> tuple[str, ...]:
     return known_arm(variant).studied or axis_names(mode, variant)[:3]
 
 
-def modes_of(arm: str) -> tuple[str, ...]:
-    """Control modes that an arm has."""
-    has_tool_modes = known_arm(arm).rigid is None
-    return tuple(mode for mode in MODES if has_tool_modes or not mode.startswith("cartesian"))
-
-
 def variants_of(arm: str) -> tuple[str, ...]:
     """Arms that may take the place of an arm: the variants of the test bed have the same joints."""
     return tuple(VARIANTS) if arm in VARIANTS else (arm,)
@@ -211,7 +205,7 @@ class ExperimentTab:
         volts, times = scenario.amplitude, " ".join(f"{time:g}" for time in scenario.shutdown)
         fields = [
             Field("name", "name", scenario.name),
-            Field("mode", "mode", scenario.mode, modes_of(scenario.variant)),
+            Field("mode", "mode", scenario.mode, MODES),
             Field("axes", "axes", ", ".join(scenario.axes), axis_choices(scenario)),
         ]
         if volts is not None:

@@ -9,7 +9,7 @@ import hmtb_twin
 from hmtb_twin import Chain, linearize, load_arm
 from hmtb_twin.arm_files.known_arms import arm_named
 from scenarios.experiments import registry
-from scenarios.experiments.arm_tests import ALL_JOINTS, command_gain
+from scenarios.experiments.arm_tests import ALL_JOINTS, TOOL, command_gain
 from scenarios.experiments.preview import preview
 from scenarios.experiments.registry import load, selected
 from scenarios.experiments.scenario import Scenario
@@ -28,7 +28,8 @@ def breakaway(name, joint):
 def test_every_free_joint_has_its_tests_and_none_slews(name):
     arm, tests = arm_named(name), registry.tests_of(name)
     names = [f"{kind}-{joint}" for kind in ("prbs", "multisine", "chirp") for joint in arm.free]
-    assert list(tests) == [*names, ALL_JOINTS]
+    # the tool of the test bed has the tests of the thesis
+    assert list(tests) == [*names, ALL_JOINTS, *([TOOL] if arm.rigid is not None else [])]
     for joint in (arm.free[0], arm.free[-1]):
         commands = preview(load(f"prbs-{joint}", duration=10.0, arm=name))
         assert commands.moving == (joint,)
@@ -51,6 +52,20 @@ def test_a_joint_that_friction_would_hold_is_commanded_further(name):
     logs = hmtb_twin.simulate([test, replace(test, name="frictionless", chain=Chain(friction=False))])
     stuck, linear = (np.std(log.true_angles[200:, -1]) / np.std(log.commanded[200:, -1]) for log in logs)
     assert stuck > 0.6 * linear
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["panda", "ur10", "kinova", "xarm7"])
+def test_the_tool_of_another_arm_moves_along_its_axes_within_limits(name):
+    test = load(TOOL, duration=10.0, arm=name)
+    assert preview(test).velocity_limited == 0.0
+    (log,) = hmtb_twin.simulate([test])
+    positions, rotations = load_arm(name).controller.tool_path(log.commanded)
+    offsets = (positions - positions[0]) @ rotations[0]
+    # each axis follows its own voltage and no other
+    likeness = np.corrcoef(np.hstack([offsets, log.volts]).T)[:3, 3:]
+    assert np.diag(likeness).min() > 0.99
+    assert np.abs(likeness - np.diag(np.diag(likeness))).max() < 0.3
 
 
 def test_a_record_of_another_arm_is_identified_with_the_true_bandwidth():

@@ -7,9 +7,10 @@ import pytest
 
 pytest.importorskip("viser")
 
-from hmtb_twin import load_arm
+from hmtb_twin import MODES, load_arm
 from hmtb_twin.arm.meshes import body_meshes
 from hmtb_twin.arm.rendering import scene_model
+from hmtb_twin.control.modes import TOOL_AXES
 from scenarios.station.drive_tab import DriveTab, drive, drive_fields
 from scenarios.station.experiment_tab import ExperimentTab
 from scenarios.station.identify_tab import IdentifyTab
@@ -43,7 +44,7 @@ def test_a_test_of_the_arm_runs_and_its_record_can_be_identified(station, client
     press(tab._start)
     fields = tab._form.handles
     assert fields["axes"].value == "joint3"
-    assert set(fields["mode"].options) == {"single_joint", "single_joint_rate"}
+    assert fields["mode"].options == MODES
     assert fields["payload"].options == ("none",)
     assert fields["variant"].options == ("xarm7",)
     fields["duration"].value = 2.0
@@ -61,6 +62,8 @@ def test_a_test_of_the_arm_runs_and_its_record_can_be_identified(station, client
 @pytest.mark.slow
 def test_every_joint_can_be_driven_by_hand(station, client):
     tab = DriveTab(station, client)
+    tab._form.handles["mode"].value = "single_joint_rate"
+    tab._form.update()
     press(tab.buttons["Drive"])
     wait_until(lambda: tab.drive is not None)
     assert tab.drive.axes == load_arm("xarm7").joints
@@ -75,9 +78,11 @@ def test_every_joint_can_be_driven_by_hand(station, client):
 def test_what_is_driven_is_what_the_arm_has():
     values = {field.name: field.initial for field in drive_fields("kinova")}
     made = drive(values)
-    assert (made.variant, made.mode, made.worksite) == ("kinova", "single_joint_rate", False)
-    assert made.axes == load_arm("kinova").joints
-    alone = drive(values | {"axes": "j2s6s200_joint_4"})
+    assert (made.variant, made.mode, made.worksite) == ("kinova", "cartesian_rate", False)
+    assert made.axes == TOOL_AXES
+    joints = values | {"mode": "single_joint_rate"}
+    assert drive(joints).axes == load_arm("kinova").joints
+    alone = drive(joints | {"axes": "j2s6s200_joint_4"})
     assert alone.axes == ("j2s6s200_joint_4",)
 
 
