@@ -68,14 +68,15 @@ def say_next(*words: object) -> None:
     say(f"next: {shlex.join(['hmtb', *map(str, words)])}")
 
 
-def say_next_identify(path: Path, name: str, joints: Sequence[str], *, tests: int = 1) -> None:
+def say_next_identify(path: Path, name: str, joints: Sequence[str], *, arm: str = "nominal", tests: int = 1) -> None:
     """Write the command that identifies a model of the first excited joint from a file of one or several tests."""
+    from hmtb_twin.arm_files.known_arms import arm_named
     from hmtb_twin.control.modes import TOOL_AXES
 
     test = ("--test", name) if tests > 1 else ()
     # Tests of Cartesian axes excite no single joint.
     excited = [joint for joint in joints if joint not in TOOL_AXES]
-    joint = excited[0] if excited else "elbow_pitch"
+    joint = excited[0] if excited else arm_named(arm).compared[-1]
     say_next("identify", path, *test, "--joint", joint)
 
 

@@ -195,7 +195,8 @@ def _print(
     if "csv" in formats:
         say_each("note: ", unnamed(result.logs, "csv", list(reviews)))
     for path, logs in list(files.items())[:1]:
-        say_next_identify(path, logs[0].name, logs[0].axes, tests=len(logs))
+        arm = logs[0].provenance["variant"]
+        say_next_identify(path, logs[0].name, logs[0].axes, arm=arm, tests=len(logs))
 
 
 def _record(

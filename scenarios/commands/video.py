@@ -100,7 +100,7 @@ def video(
         content = f"{counted(count, 'frame')} of {log.name}, {start:g} to {last:g} s"
     say(f"{path}: {content}")
     if name.endswith(".nc"):
-        say_next_identify(Path(name), log.name, log.axes)
+        say_next_identify(Path(name), log.name, log.axes, arm=log.provenance.get("variant", "nominal"))
     else:
         say_next("simulate", name)
     return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, SAMPLE_RATE, SAMPLE_TIME, VARIANTS, simulate
+from hmtb_twin import SAMPLE_RATE, SAMPLE_TIME, VARIANTS, simulate
 from scenarios.experiments.multisines import MultisineExperiment, Multisines
 from scenarios.experiments.scenario import known_arm
 from scenarios.files.data_file import read_parts
@@ -16,7 +16,7 @@ from scenarios.files.errors import ScenarioError
 from sysid import IOData, Polynomials, StateSpace, SysidWarning
 from sysid.models.model_forms import as_model
 
-CONTROLLED = tuple(name for name in JOINTS if name != "shoulder_roll")
+CONTROLLED = VARIANTS["nominal"].free
 """Joints of the test bed under control: all but the first, which a pin holds."""
 
 EXCITATION = Multisines(rms=0.05, f_min=0.025, f_max=3.0, period=40.0, realisations=2, periods=5, settling=1)

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 import sysid
-from hmtb_twin import JOINTS, JointLog, TwinError, TwinWarning
+from hmtb_twin import JOINTS, STUDIED_JOINTS, JointLog, TwinError, TwinWarning
 from hmtb_twin.bus.joint_log import FORMAT
 from hmtb_twin.bus.record import BusRecord
 from hmtb_twin.files.atomic_write import check_place
@@ -108,7 +108,7 @@ def read_parts(
     except TwinError as error:
         if "name the joint" not in str(error):
             raise
-        raise TwinError(str(error).replace("name the joint", "name the joint, as --joint elbow_pitch")) from error
+        raise TwinError(str(error).replace("name the joint", f"name the joint, as --joint {_example(log)}")) from error
     # A record of ours knows its interval; one that is stated beside it may only confirm it.
     if stretches:
         _check_interval(dt, stretches[0], path)
@@ -125,6 +125,11 @@ def read_parts(
         return experiments_of(path, choice)
     except sysid.SysidError as error:
         raise ScenarioError(_for_users(str(error), path, inputs, outputs) + _near_joint(joints)) from error
+
+
+def _example(log: JointLog | None) -> str:
+    """A joint to name: of the test bed one that the thesis studied, of another arm its last."""
+    return STUDIED_JOINTS[-1] if log is None or set(log.joints) == set(JOINTS) else log.joints[-1]
 
 
 def _near_joint(joints: Sequence[str]) -> str:
@@ -191,7 +196,7 @@ def _for_users(message: str, path: Path, inputs: Sequence[str], outputs: Sequenc
         if any(f"unknown column {name!r}" in message for name in names):
             remedy = f"choose by --{option}"
             if path.suffix == ".csv" and is_record(path):
-                remedy = "it is a record of joints: choose one by --joint, e.g. --joint elbow_pitch"
+                remedy = f"it is a record of joints: choose one by --joint, e.g. --joint {STUDIED_JOINTS[-1]}"
             return message.replace("; there are ", f"; {remedy}; there are ", 1)
     return message
 
