@@ -55,5 +55,13 @@ def row(name):
     return f"| {' | '.join(cells)} |\n"
 
 
+def preview():
+    """The picture of the model's own folder, as collections of models have it."""
+    picture = render(load_arm(), width=960, height=720)
+    place = DOCS.parent / "models" / "hmtb" / "hmtb.png"
+    Image.fromarray(picture).resize((640, 480)).save(place, optimize=True)
+
+
 if __name__ == "__main__":
+    preview()
     (DOCS / "measured" / "arms.md").write_text(HEAD + "".join(map(row, ARMS)), encoding="utf-8")
