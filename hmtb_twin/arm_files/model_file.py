@@ -1,17 +1,21 @@
 """Reading of MJCF and URDF files: what MuJoCo compiles, and what only the text of the file says."""
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
 import mujoco
+import numpy as np
 
 from hmtb_twin.files.errors import TwinError, shown
 
 LARGEST_FILE = 50_000_000
 """Largest model file, bytes: longer ones are none of an arm."""
+
+LEAST_INERTIA = "1e-14"
+"""Moment of inertia of a point mass, kg m^2: MuJoCo reads none below 1e-15, and both readings agree to 1e-12."""
 
 ENDINGS = (".xml", ".mjcf", ".urdf")
 """Endings of model files."""
@@ -48,6 +52,7 @@ class ModelFile:
         model: All of it, compiled without meshes that are missing.
         facts: What a URDF says of its joints, by name; empty of MJCF.
         remarks: What was left out, one line each.
+        unphysical: Why no body has the inertia that a link of a URDF is given, by the link. Such links may stand still.
     """
 
     path: Path
@@ -55,6 +60,7 @@ class ModelFile:
     model: mujoco.MjModel
     facts: dict[str, JointFacts] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    unphysical: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_model_file(path: Path) -> ModelFile:
@@ -112,9 +118,84 @@ def _read_urdf(path: Path, root: ElementTree.Element) -> ModelFile:
     extension = ElementTree.SubElement(root, "mujoco")
     # Fixed links keep their names, one of which may be the tool's.
     ElementTree.SubElement(extension, "compiler", {"fusestatic": "false"})
-    spec = _parsed(path.name, lambda: mujoco.MjSpec.from_string(ElementTree.tostring(root, encoding="unicode")))
     remarks = (f"held at zero, as they follow others or float: {', '.join(followers)}",) if followers else ()
-    return ModelFile(path, True, _compiled(path.name, spec), facts, remarks)
+    try:
+        return ModelFile(path, True, _compiled_urdf(path.name, root), facts, remarks)
+    except TwinError:
+        # Inertias that no body has keep MuJoCo from reading a robot, also those of links that the arm does not move.
+        points = _point_masses(root)
+        unphysical = dict(_unphysical_links(root))
+        if not unphysical and not points:
+            raise
+    if points:
+        remarks = (*remarks, f"point masses, without an inertia of their own: {', '.join(points)}")
+    for link in root.iter("link"):
+        if link.get("name") in unphysical:
+            _replace_inertia(link)
+    return ModelFile(path, True, _compiled_urdf(path.name, root), facts, remarks, unphysical)
+
+
+def _compiled_urdf(name: str, root: ElementTree.Element) -> mujoco.MjModel:
+    text = ElementTree.tostring(root, encoding="unicode")
+    return _compiled(name, _parsed(name, lambda: mujoco.MjSpec.from_string(text)))
+
+
+def _unphysical_links(root: ElementTree.Element) -> Iterator[tuple[str, str]]:
+    """Yield links whose inertia no body has, and links that a joint moves and that have no mass, with the reason."""
+    links = {str(link.get("name")): link for link in root.iter("link")}
+    masses = {name: _mass(link) for name, link in links.items()}
+    moved, fixed = set(), dict[str, list[str]]()
+    for joint in root.findall("joint"):
+        parent, child = joint.find("parent"), joint.find("child")
+        if parent is None or child is None:
+            continue
+        if joint.get("type") == "fixed":
+            fixed.setdefault(str(parent.get("link")), []).append(str(child.get("link")))
+        else:
+            moved.add(str(child.get("link")))
+    for name, link in links.items():
+        # What is fixed to a link moves as one body with it.
+        weighs = masses[name] > 0.0 or any(masses.get(child, 0.0) > 0.0 for child in fixed.get(name, ()))
+        if name in moved and not weighs:
+            yield name, "no mass"
+        elif masses[name] > 0.0:
+            inertia = link.find("inertial/inertia")
+            moments = np.linalg.eigvalsh(_tensor(inertia)) if inertia is not None else np.zeros(3)
+            if moments[0] <= 0.0 or moments[0] + moments[1] < moments[2]:
+                shown_moments = ", ".join(f"{moment:.3g}" for moment in moments)
+                yield name, f"principal moments {shown_moments} kg m2, which no body has"
+
+
+def _point_masses(root: ElementTree.Element) -> list[str]:
+    """Give links with a mass and no inertia the least that MuJoCo reads, and return their names."""
+    points = []
+    for link in root.iter("link"):
+        inertia = link.find("inertial/inertia")
+        if inertia is not None and _mass(link) > 0.0 and not _tensor(inertia).any():
+            for axis in ("ixx", "iyy", "izz"):
+                inertia.set(axis, LEAST_INERTIA)
+            points.append(str(link.get("name")))
+    return points
+
+
+def _mass(link: ElementTree.Element) -> float:
+    mass = link.find("inertial/mass")
+    return 0.0 if mass is None else _number(mass, "value", 0.0)
+
+
+def _tensor(inertia: ElementTree.Element) -> np.ndarray:
+    xx, yy, zz, xy, xz, yz = (_number(inertia, f"i{axes}", 0.0) for axes in ("xx", "yy", "zz", "xy", "xz", "yz"))
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def _replace_inertia(link: ElementTree.Element) -> None:
+    """Give a link an inertia that MuJoCo reads: it counts for nothing, as no arm that moves the link is accepted."""
+    inertial = link.find("inertial")
+    if inertial is not None:
+        link.remove(inertial)
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "mass", value="1")
+    ElementTree.SubElement(inertial, "inertia", ixx="1", iyy="1", izz="1", ixy="0", ixz="0", iyz="0")
 
 
 def _facts_of_joints(name: str, root: ElementTree.Element) -> Iterator[tuple[str, JointFacts]]:

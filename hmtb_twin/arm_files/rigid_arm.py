@@ -12,7 +12,7 @@ import numpy as np
 from hmtb_twin.arm_files.model_file import ModelFile
 from hmtb_twin.files.errors import TwinError, shown
 
-GRIPPER = re.compile(r"grip|finger|thumb|knuckle|jaw|claw", re.IGNORECASE)
+GRIPPER = re.compile(r"grip|finger|thumb|knuckle|jaw|claw|hand(?!le)|palm", re.IGNORECASE)
 """Names of joints of a gripper, which is no part of the arm."""
 
 TOOL_NAMES = ("tool", "tcp", "attachment_site", "ee_link", "end_effector", "grasp", "pinch", "hand", "flange", "ee")
@@ -201,6 +201,11 @@ def _check_model(file: ModelFile, ids: Sequence[int]) -> None:
                 f"{name}: joint {joint} has a reference angle and shares its body with another joint, expected a "
                 "body for each"
             )
+    moving = {int(model.jnt_bodyid[i]) for i in ids}
+    for body in range(model.nbody):
+        link = model.body(body).name
+        if link in file.unphysical and moving & set(_ancestors(model, body)):
+            raise TwinError(f"{name}: the arm moves the link {link}, which is given {file.unphysical[link]}")
     gravity = model.opt.gravity
     if gravity[0] or gravity[1] or gravity[2] > 0.0:
         shown_gravity = " ".join(f"{value:g}" for value in gravity)

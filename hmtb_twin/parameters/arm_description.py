@@ -17,6 +17,9 @@ from hmtb_twin.parameters.values import BusTerminal, Link, Motion, Servo
 LEAST_VOLUME = 1.2
 """Least trapped volume of an actuator over the volume that its joint sweeps: chambers, ports and lines."""
 
+ROUNDING = 1e-9
+"""Part by which two equal numbers may differ."""
+
 EARTH = 9.81
 """Acceleration of gravity that the arm feels on the ground, m/s^2."""
 
@@ -131,7 +134,8 @@ class ArmDescription:
             # `Friction.bristles` would silently reduce the damping; a variant's own numbers must not need that.
             damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
             passive = drive.drag / (friction.static_ratio - 1.0) if friction.static_ratio > 1.0 else inf
-            if damping > passive:
+            # A rule may set the damping to the limit itself: what is beyond it by rounding is at it.
+            if damping > passive * (1.0 + ROUNDING):
                 raise TwinError(
                     f"{self.name}: LuGre damping {damping:.3g} N m s/rad of the {name.replace('_', ' ')} given, "
                     f"expected at most {passive:.3g}: beyond, the friction is not passive"

@@ -1,8 +1,9 @@
 """Files that are no arm: one line each, or they work."""
 
+import numpy as np
 import pytest
 
-from hmtb_twin import TwinError, load_arm
+from hmtb_twin import TwinError, linearize, load_arm
 from hmtb_twin.arm_files.known_arms import arm_named
 from tests.refusals import refused
 
@@ -34,7 +35,9 @@ def test_what_is_refused(tmp_path):
         return urdf(tmp_path, *parts)
 
     refused(
-        "link a moves and has no mass|mass and inertia", load_arm, tried(link("a", 0.0, 0.0), joint("j", "base", "a"))
+        "the arm moves the link a, which is given no mass",
+        load_arm,
+        tried(link("a", 0.0, 0.0), joint("j", "base", "a")),
     )
     refused(
         "two joints with the name 'j'|repeated name",
@@ -129,3 +132,42 @@ def test_a_hundred_joints(tmp_path):
     parts += [joint(f"j{k}", names[k - 1] if k else "base", names[k], inside=hang) for k in range(100)]
     description = arm_named(urdf(tmp_path, *parts[:101], *parts[101:]))
     assert len(description.joints) == 100
+
+
+def test_links_that_no_body_can_be_may_stand_still(tmp_path):
+    impossible = LINK.format("antenna", 1.0, 0.01, 0.01, 0.05)
+    arm = link("a"), joint("j", "base", "a")
+    fixed = '<joint name="f" type="fixed"><parent link="base"/><child link="antenna"/></joint>'
+    works = load_arm(urdf(tmp_path, *arm, impossible, fixed))
+    without = load_arm(urdf(tmp_path, *arm))
+    assert works.joints == without.joints == ("j",)
+    assert float(works.inertia(works.pose("middle"))[0, 0]) == float(without.inertia(without.pose("middle"))[0, 0])
+    moved = fixed.replace('"base"', '"a"')
+    refused(
+        "the arm moves the link antenna, which is given principal moments 0.01, 0.01, 0.05 kg m2",
+        load_arm,
+        urdf(tmp_path, *arm, impossible, moved),
+    )
+
+
+def test_a_point_mass_counts(tmp_path):
+    point = LINK.format("tip", 0.5, 0.0, 0.0, 0.0)
+    fixed = '<joint name="f" type="fixed"><origin xyz="0.3 0 0"/><parent link="a"/><child link="tip"/></joint>'
+    arm = load_arm(urdf(tmp_path, link("a"), joint("j", "base", "a"), point, fixed))
+    bare = load_arm(urdf(tmp_path, link("a"), joint("j", "base", "a")))
+    added = arm.controller.inertia_matrix(np.zeros(1)) - bare.controller.inertia_matrix(np.zeros(1))
+    np.testing.assert_allclose(added, 0.5 * 0.3**2, rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "joints"), [("tiago", 7), ("b1-z1", 6), ("baxter", 7), ("go2", 3), ("talos_reduced", 9), ("so101", 5)]
+)
+def test_robots_of_the_collection_load_as_their_longest_arm(name, joints):
+    arm = load_arm(name)
+    assert len(arm.joints) == joints
+    # Of Tiago some links are points, and an antenna has an inertia that no body has.
+    points = any(remark.startswith("point masses") for remark in arm.description.remarks)
+    assert points == (name == "tiago")
+    bandwidth = linearize(arm, amplitudes=()).joint(arm.joints[-1]).bandwidth_hz
+    assert 1.5 < bandwidth < 2.5
