@@ -1,6 +1,6 @@
 """Description of an arm from its files: settings, model file, and rules for the rest."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
@@ -25,6 +25,12 @@ FAVOURITES = ("ready", "home", "standing", "half_sitting", "default", "middle")
 
 HOLDING = 0.7
 """Part of its largest torque that a drive may need to hold the arm at the operating pose."""
+
+LIGHT = "light"
+"""Name of the pose that a rule finds where the drives hardly hold the arm at its others."""
+
+POSES_TRIED = 2000
+"""Poses among which it is found."""
 
 CLEARANCE = 0.2
 """Least distance of the operating pose from the ends of ranges, rad, where they leave so much."""
@@ -63,10 +69,7 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
         drives[joint] = rules.drive(one, settings.drives, efforts[joint], motions[joint])
         servos[joint] = rules.servo(one)
         bus[joint] = rules.bus_terminal(one)
-    poses = _poses(file, arm, settings, motions)
-    operating = settings.operating_pose or _operating_pose(poses, motions, efforts, weights)
-    if operating not in poses:
-        raise TwinError(f"operating_pose = {operating!r} given, available: {', '.join(poses)}")
+    poses, operating, notes = _settled_poses(file, arm, settings, motions, efforts, weights)
     return ArmDescription(
         name=name,
         description=settings.title or f"{len(arm.joints)} joints of {path.name}, {settings.drives} drives",
@@ -88,7 +91,7 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
         power_unit=_power_unit(drives.values()),
         given_gains=_given_gains(settings, arm.joints),
         numbers=tuple(chain.from_iterable(one.table for one in numbers)),
-        remarks=remarks,
+        remarks=(*remarks, *notes),
     )
 
 
@@ -182,6 +185,10 @@ class Weights:
         mujoco.mj_rne(self._model, self._data, 0, torques)
         return torques
 
+    def share(self, angles: Sequence[float], efforts: Mapping[str, float]) -> float:
+        """Largest torque over that of its drive, N m, at joint angles (n,), rad."""
+        return float((np.abs(self.at(angles)) / np.array(list(efforts.values()))).max())
+
     def largest(self, motions: Mapping[str, Motion]) -> np.ndarray:
         """Largest torque on each joint (n,), N m, over random poses in its range."""
         # The same poses each time: what is assumed must not depend on chance.
@@ -190,6 +197,33 @@ class Weights:
         upper = [motion.upper for motion in motions.values()]
         drawn = rng.uniform(lower, upper, (SAMPLES, len(lower)))
         return np.max([np.abs(self.at(angles)) for angles in drawn], axis=0)
+
+
+def _settled_poses(
+    file: ModelFile,
+    arm: RigidArm,
+    settings: ArmSettings,
+    motions: Mapping[str, Motion],
+    efforts: Mapping[str, float],
+    weights: Weights,
+) -> tuple[dict[str, tuple[float, ...]], str, tuple[str, ...]]:
+    """Poses by name, the one at which joints are excited, and what is to be said of it.
+
+    Raises:
+        TwinError: A pose of the user beyond a range, an unknown operating pose, or one that the drives cannot hold.
+    """
+    remarks: tuple[str, ...] = ()
+    poses = _poses(file, arm, settings, motions)
+    operating = settings.operating_pose or _operating_pose(poses, motions, efforts, weights)
+    if not settings.operating_pose and weights.share(poses[operating], efforts) >= HOLDING:
+        light = _lightest(motions, efforts, weights)
+        if weights.share(light, efforts) < weights.share(poses[operating], efforts):
+            poses, operating = {**poses, LIGHT: light}, LIGHT
+            remarks = (*remarks, f"the pose {LIGHT} is a rule's: at others the drives hardly hold the arm")
+    if operating not in poses:
+        raise TwinError(f"operating_pose = {operating!r} given, available: {', '.join(poses)}")
+    remarks = (*remarks, *_load_remarks(arm.joints, poses[operating], operating, efforts, weights))
+    return poses, operating, remarks
 
 
 def _poses(
@@ -255,10 +289,7 @@ def _operating_pose(
     weights: Weights,
 ) -> str:
     """The pose at which joints are excited: clear of the ends of ranges, and held with torque to spare."""
-    available = np.array(list(efforts.values()))
-    ratios = {}
-    for name, angles in poses.items():
-        ratios[name] = float((np.abs(weights.at(angles)) / available).max())
+    ratios = {name: weights.share(angles, efforts) for name, angles in poses.items()}
 
     def is_clear(name: str) -> bool:
         for motion, angle in zip(motions.values(), poses[name], strict=True):
@@ -274,13 +305,41 @@ def _operating_pose(
         if ratios[name] < HOLDING:
             return name
     # A weak arm is excited where it is least loaded.
-    best = min(clear or poses, key=lambda name: ratios[name])
-    if ratios[best] >= 1.0:
-        raise TwinError(
-            f"the drives cannot hold the arm at any of its poses ({', '.join(poses)}), expected one in arm.toml that "
-            "they can"
-        )
-    return best
+    return min(clear or poses, key=lambda name: ratios[name])
+
+
+def _lightest(motions: Mapping[str, Motion], efforts: Mapping[str, float], weights: Weights) -> tuple[float, ...]:
+    """The pose, of many clear of the ends of ranges, at which the weight takes the least part of the drives' torque."""
+    # The same poses each time: what is assumed must not depend on chance.
+    rng = np.random.default_rng(1)
+    lower, upper = (np.array([getattr(motion, end) for motion in motions.values()]) for end in ("lower", "upper"))
+    room = np.minimum(CLEARANCE, 0.25 * (upper - lower))
+    tried = rng.uniform(lower + room, upper - room, (POSES_TRIED, len(lower)))
+    best = min(tried, key=lambda angles: weights.share(angles, efforts))
+    # Three digits can be typed.
+    return tuple(round(float(angle), 3) for angle in best)
+
+
+def _load_remarks(
+    joints: Sequence[str], angles: Sequence[float], pose: str, efforts: Mapping[str, float], weights: Weights
+) -> Iterator[str]:
+    """Say which drives hardly hold the arm at its operating pose.
+
+    Raises:
+        TwinError: A drive cannot hold it.
+    """
+    shares = np.abs(weights.at(angles)) / np.array(list(efforts.values()))
+    for joint, share in zip(joints, shares, strict=True):
+        if share >= 1.0:
+            raise TwinError(
+                f"at the pose {pose} the drive of {joint} would need {100 * share:.0f} % of its largest torque to hold "
+                "the arm, expected a pose in arm.toml, or an effort, that it can hold"
+            )
+        if share >= HOLDING:
+            yield (
+                f"at the pose {pose} the weight takes {100 * share:.0f} % of the torque of {joint}: little is left to "
+                "move it, and its answer is no linear one"
+            )
 
 
 def _given_gains(settings: ArmSettings, joints: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -17,6 +17,9 @@ LARGEST_FILE = 50_000_000
 LEAST_INERTIA = "1e-14"
 """Moment of inertia of a point mass, kg m^2: MuJoCo reads none below 1e-15, and both readings agree to 1e-12."""
 
+NO_INERTIA = 1e-12
+"""Moments of inertia up to which a link is a point, kg m^2: what programs write where they have none."""
+
 ENDINGS = (".xml", ".mjcf", ".urdf")
 """Endings of model files."""
 
@@ -171,9 +174,11 @@ def _point_masses(root: ElementTree.Element) -> list[str]:
     points = []
     for link in root.iter("link"):
         inertia = link.find("inertial/inertia")
-        if inertia is not None and _mass(link) > 0.0 and not _tensor(inertia).any():
+        if inertia is not None and _mass(link) > 0.0 and np.abs(_tensor(inertia)).max() <= NO_INERTIA:
             for axis in ("ixx", "iyy", "izz"):
                 inertia.set(axis, LEAST_INERTIA)
+            for axes in ("ixy", "ixz", "iyz"):
+                inertia.set(axes, "0")
             points.append(str(link.get("name")))
     return points
 

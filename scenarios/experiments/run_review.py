@@ -46,6 +46,9 @@ class RunReview:
         return f"{100 * self.clipped:.3g} %", f"{100 * self.velocity_limited:.3g} %"
 
 
+STRAINED = 0.02
+"""Share of the samples at the largest torque of a drive from which a log gets a warning."""
+
 COLUMNS = ("log", "length", "converter clips", "command rate-limited")
 """Headings of a table of logs."""
 
@@ -151,8 +154,23 @@ def review(log: JointLog, scenario: Scenario) -> RunReview:
         inputs,
         task,
         shutdown_intervals(log),
-        tuple(_warnings(scenario, clipped, inputs, task)),
+        (*_warnings(scenario, clipped, inputs, task), *_torque_warnings(log)),
     )
+
+
+def _torque_warnings(log: JointLog) -> Iterator[str]:
+    """Sentences on drives that gave their largest torque for long: then no linear model describes the joint."""
+    arm = arm_named(log.provenance.get("variant", "nominal"))
+    effort = np.abs(log.effort)
+    for joint, torques in zip(log.joints, effort.T, strict=True):
+        largest = arm.actuators[joint].motor.maximum_torque
+        share = float(np.mean(torques >= (1.0 - 1e-6) * largest))
+        if share > STRAINED:
+            yield (
+                f"the drive of {joint} gives its largest torque, {largest:.3g} N m, in {100 * share:.2g} % of the "
+                "samples: no linear model describes it there; a smaller amplitude, a lighter payload or another pose "
+                "avoids it"
+            )
 
 
 def _warnings(

@@ -8,6 +8,7 @@ from hmtb_twin import linearize, load_arm, simulate
 from hmtb_twin.truth.linearization import simulated
 from scenarios import load
 from tests.independent_arm import IndependentArm
+from tests.refusals import refused
 
 ARMS = ("panda", "ur10", "xarm7", "kinova")
 
@@ -108,3 +109,31 @@ def test_logs_as_tables_hold_every_number_and_the_torques_that_carry_the_weight(
     np.testing.assert_allclose(arrays.effort.mean("time"), weight, atol=0.02 * np.abs(weight).max())
     assert name in repr(log)
     assert max(len(repr(one)) for one in (log, arm, arm.description, simulate([]))) < 300
+
+
+@pytest.mark.slow
+def test_where_drives_hardly_hold_an_arm_a_lighter_pose_is_found():
+    arm = load_arm("baxter")
+    description = arm.description
+    assert description.operating_pose == "light"
+    assert any("the pose light is a rule's" in remark for remark in description.remarks)
+    largest = np.array([description.actuators[joint].motor.maximum_torque for joint in arm.joints])
+    loads = {}
+    for name in description.poses:
+        loads[name] = np.abs(arm.controller.gravity_torque([arm.pose(name)])[0] / largest).max()
+    assert loads["light"] < 0.7 < min(load for name, load in loads.items() if name != "light")
+    # with torque to spare small motions are linear
+    errors = linearize(arm, amplitudes=(0.01,)).small_signal_error
+    assert errors[0.01] < 1e-3
+
+
+def test_a_pose_of_the_user_that_leaves_no_torque_is_said_or_refused(folder):
+    def at(effort):
+        text = f"[joint.lift]\neffort = {effort}\n[poses]\nout = [0.0, 0.0, 0.0]\n"
+        (folder / "arm.toml").write_text('operating_pose = "out"\n' + text)
+        return load_arm(str(folder))
+
+    weight = np.abs(at(200.0).controller.gravity_torque([np.zeros(3)])[0][1])
+    assert not any("little is left" in remark for remark in at(200.0).description.remarks)
+    assert any("of the torque of lift: little is left" in remark for remark in at(1.2 * weight).description.remarks)
+    refused("the drive of lift would need 125 % of its largest torque", at, 0.8 * weight)
