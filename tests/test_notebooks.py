@@ -207,6 +207,11 @@ STATEMENTS = {
         "scores higher in prediction than in simulation": "fits[1].one_step.item() > fits[1].simulation.item()",
         "so its fit is a simulation": "abs(fits[0].one_step.item() - fits[0].simulation.item()) < 1e-9",
     },
+    "your_robot": {
+        "its bandwidth is right to half a percent": "abs(bands['without'].hz.item() / true.bandwidth_hz - 1) < 0.005",
+        "With friction the bandwidth is lower": "bands['with friction'].hz.item() < 0.95 * true.bandwidth_hz",
+        "A larger motion comes nearer to the truth": "bands['with friction'].hz.item() < larger < true.bandwidth_hz",
+    },
 }
 """Sentences of the notebooks, and what must be true of the executed one for each."""
 
