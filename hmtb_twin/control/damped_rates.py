@@ -34,6 +34,9 @@ DAMPING = 0.03
 CORRECTIONS = 12
 """Largest number of steps of Newton's method in a tick; two are usual."""
 
+HALVINGS = 12
+"""Largest number of halvings of a step that takes the tool away: beyond its reach a whole step would swing the arm."""
+
 ARRIVED = 1e-9
 """Error of the tool at which it has arrived, m, and rad times `TURN`."""
 
@@ -102,9 +105,13 @@ class DampedRates:
             if slowed:
                 # A joint is too fast: the same way, shorter.
                 wanted = previous + (wanted - previous) / ratio
+            nearer, wanted = self._nearer(angles, wanted, error, position, rotation)
+            if nearer is None:
+                # Out of reach: no way along the step brings the tool nearer, and the arm rests.
+                slowed, damped = False, True
+                break
             motion = float(np.abs(wanted - angles).max())
-            angles = wanted
-            error = self._error(angles, position, rotation)
+            angles, error = wanted, nearer
             if slowed or motion <= AT_REST:
                 break
         angles = np.clip(angles, lower, upper)
@@ -112,6 +119,18 @@ class DampedRates:
         # What neither a limit of speed nor an end of a range explains, the pose or too few joints do.
         singular = left and (damped or not (slowed or held))
         return CartesianStep(angles, slowed, held and left, singular)
+
+    def _nearer(
+        self, angles: np.ndarray, wanted: np.ndarray, error: np.ndarray, position: np.ndarray, rotation: np.ndarray
+    ) -> tuple[np.ndarray | None, np.ndarray]:
+        """Return the error and the angles after a step that is halved until it brings the tool nearer; None if none."""
+        size = float(error @ error)
+        for _ in range(HALVINGS):
+            left = self._error(wanted, position, rotation)
+            if left @ left < size:
+                return left, wanted
+            wanted = angles + 0.5 * (wanted - angles)
+        return None, angles
 
     def _error(self, angles: np.ndarray, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """Return what the tool is off (6,), along its own axes, weighed."""

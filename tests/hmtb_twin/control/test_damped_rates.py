@@ -133,6 +133,27 @@ def test_a_fast_tool_slows_down_and_keeps_its_direction(name):
     assert moved @ way / np.linalg.norm(way) > 0.995
 
 
+@pytest.mark.parametrize("name", ARMS)
+def test_beyond_its_reach_the_arm_stretches_out_and_rests(name):
+    arm = load_arm(name)
+    controller, _ = solver(name)
+    limits = 0.02 * arm.velocity_limits
+    rates = DampedRates(controller, lower=arm.description.lower, upper=arm.description.upper, step=limits)
+    angles = arm.pose(arm.description.operating_pose)
+    position, rotation = controller.tool_pose(angles)
+    far = position + np.array([2.0, 0.0, 0.0])
+    distances = []
+    for _ in range(600):
+        reached = rates.follow(angles, far, rotation)
+        motion, angles = np.abs(reached.angles - angles).max(), reached.angles
+        there, turned = controller.tool_pose(angles)
+        distances.append(np.linalg.norm(np.concatenate([far - there, 0.3 * pin.log3(turned.T @ rotation)])))
+    # nearer with every tick, then at rest, and it says why
+    assert np.diff(distances).max() < 1e-9
+    assert motion < 0.02 * limits.min()
+    assert reached.singular or reached.joint_limited
+
+
 def test_an_arm_of_three_joints_comes_as_near_as_it_can(tmp_path):
     from tests.user_arm import write_arm
 
