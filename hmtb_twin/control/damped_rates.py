@@ -3,20 +3,25 @@
 The step of the joints solves the linearised motion of the tool in the least squares sense, of an arm with more than
 six joints with the smallest motion of the joints [Whitney1969]. Near singular poses, where joints turn fast for a slow
 tool, it is damped [NakamuraHanafusa1986; Wampler1986], the more so the smaller the least singular value of the
-Jacobian [Chiaverini1997], and the tool lags. Newton's method repeats the step within a tick until the tool is where it
-is wanted, so that nothing drifts.
+Jacobian [Chiaverini1997], and the tool lags. Within a tick the step is repeated until the tool is where it is wanted,
+so that nothing drifts; where the tool comes less near than predicted, it is damped more [More1978].
 
-- **Joint ranges**: a joint at the end of its range stays there, and the others are solved for again with what is left
-  of the motion.
-- **Velocity limits**: the whole step is shortened until every joint keeps its limit. The tool slows down, and keeps its
-  direction but for the curvature of its path.
+- **Joint ranges**: where joints would go beyond their ends, the same least squares are solved within the ranges: the
+  others take up what those at their ends cannot, as far as they can [StarkParker1995].
+- **Velocity limits**: the tool goes as far on its straight line, with the shortest turn, as every joint keeps its
+  limit. It slows down and stays on its line.
 
-Limits leave no memory: each tick starts from the last command alone. The test bed has a closed form of its own chain,
-`ResolvedRate`.
+Limits leave no memory: each tick starts from the last command alone. Nothing plans ahead: the nearest pose within
+reach is the nearest that can be come to without going away from the target first, which another posture may beat. The
+test bed has a closed form of its own chain, `ResolvedRate`.
 """
+
+import math
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
+from scipy.optimize import lsq_linear
 
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.control.resolved_rate import STRIDE, STRIDES, CartesianStep
@@ -32,16 +37,31 @@ DAMPING = 0.03
 """Damping at a singular pose over the largest singular value."""
 
 CORRECTIONS = 12
-"""Largest number of steps of Newton's method in a tick; two are usual."""
+"""Largest number of steps in a tick; two are usual."""
 
-HALVINGS = 12
-"""Largest number of halvings of a step that takes the tool away: beyond its reach a whole step would swing the arm."""
+REFUSALS = 16
+"""Largest number of steps refused as they take the tool away: beyond its reach a whole step would swing the arm."""
+
+GOOD_GAIN, BEST_GAIN = 0.25, 0.75
+"""Approach of the tool over the predicted one below which a step's damping grows, and above which it shrinks."""
+
+LEAST_TRUST = 0.01
+"""Damping over the largest singular value with which the steps that go astray begin."""
 
 ARRIVED = 1e-9
 """Error of the tool at which it has arrived, m, and rad times `TURN`."""
 
 AT_REST = 1e-10
 """Motion of the joints below which a further step changes nothing, rad."""
+
+SHORTENINGS = 16
+"""Largest number of shortenings of the tool's way before the command holds; three or four are usual."""
+
+NEAR_LIMIT = 0.9
+"""Motion of a joint over its velocity limit above which the limit counts as reached."""
+
+RESERVE = 1e-3
+"""Fraction of a velocity limit that a shortened way keeps in reserve for its curvature."""
 
 
 class DampedRates:
@@ -93,44 +113,64 @@ class DampedRates:
             )
         # A command beyond its range may stay there.
         lower, upper = np.minimum(self._lower, previous), np.maximum(self._upper, previous)
-        angles, held, damped, slowed = previous, False, False, False
+        start, orientation = self._controller.tool_pose(previous)
+        way, turn = position - start, pin.log3(orientation.T @ rotation)
+        share = 1.0
+        for _ in range(SHORTENINGS):
+            if share == 1.0:
+                target = (position, rotation)
+            else:
+                target = (start + share * way, orientation @ pin.exp3(share * turn))
+            step, ratio = self._toward(previous, target, lower, upper)
+            if ratio <= 1.0:
+                # Where the tool stops before the end of a shortened way, it is not the speed that holds it back.
+                followed = not (step.singular or step.joint_limited)
+                return replace(step, velocity_limited=share < 1.0 and (followed or ratio > NEAR_LIMIT))
+            # A joint is too fast: the same way, shorter.
+            share *= (1.0 - RESERVE) / ratio
+        return CartesianStep(np.clip(previous, lower, upper), False, False, True)
+
+    def _toward(
+        self,
+        previous: np.ndarray,
+        target: tuple[np.ndarray, np.ndarray],
+        lower: np.ndarray,
+        upper: np.ndarray,
+    ) -> tuple[CartesianStep, float]:
+        """Return the step to a position and rotation of the tool, and its fastest joint's motion over its limit.
+
+        Where a joint is too fast, the step is left unfinished.
+        """
+        position, rotation = target
+        angles, held, singular, ratio, trust = previous, False, False, 0.0, 0.0
         error = self._error(angles, position, rotation)
         for _ in range(STRIDES if self._unlimited else CORRECTIONS):
             if np.abs(error).max() <= ARRIVED:
                 break
-            change, held, damped = self._change(angles, error, lower, upper)
-            wanted = angles + change
-            ratio = float((np.abs(wanted - previous) / self._step).max())
-            slowed = ratio > 1.0
-            if slowed:
-                # A joint is too fast: the same way, shorter.
-                wanted = previous + (wanted - previous) / ratio
-            nearer, wanted = self._nearer(angles, wanted, error, position, rotation)
-            if nearer is None:
-                # Out of reach: no way along the step brings the tool nearer, and the arm rests.
-                slowed, damped = False, True
+            jacobian = self._weights[:, None] * self._controller.tool_jacobian(angles)
+            for _ in range(REFUSALS):
+                change, held, singular = _change(jacobian, error, trust, lower - angles, upper - angles)
+                left = self._error(angles + change, position, rotation)
+                gain = _gain(error, left, error - jacobian @ change)
+                # Far from its target the tool does not move as its Jacobian says: shorter steps, along the gradient.
+                if gain < GOOD_GAIN:
+                    trust = max(3.0 * trust, LEAST_TRUST * float(np.linalg.norm(jacobian, 2)))
+                elif gain > BEST_GAIN:
+                    trust = trust / 3.0
+                if gain > 0.0:
+                    break
+            else:
+                # Out of reach: no step brings the tool nearer, and the arm rests.
                 break
-            motion = float(np.abs(wanted - angles).max())
-            angles, error = wanted, nearer
-            if slowed or motion <= AT_REST:
+            motion = float(np.abs(change).max())
+            angles, error = angles + change, left
+            ratio = float((np.abs(angles - previous) / self._step).max())
+            if ratio > 1.0 or motion <= AT_REST:
                 break
         angles = np.clip(angles, lower, upper)
-        left = bool(np.abs(error).max() > ARRIVED)
-        # What neither a limit of speed nor an end of a range explains, the pose or too few joints do.
-        singular = left and (damped or not (slowed or held))
-        return CartesianStep(angles, slowed, held and left, singular)
-
-    def _nearer(
-        self, angles: np.ndarray, wanted: np.ndarray, error: np.ndarray, position: np.ndarray, rotation: np.ndarray
-    ) -> tuple[np.ndarray | None, np.ndarray]:
-        """Return the error and the angles after a step that is halved until it brings the tool nearer; None if none."""
-        size = float(error @ error)
-        for _ in range(HALVINGS):
-            left = self._error(wanted, position, rotation)
-            if left @ left < size:
-                return left, wanted
-            wanted = angles + 0.5 * (wanted - angles)
-        return None, angles
+        off = bool(np.abs(error).max() > ARRIVED)
+        # What no end of a range explains, the pose or too few joints do.
+        return CartesianStep(angles, False, held and off, off and (singular or not held)), ratio
 
     def _error(self, angles: np.ndarray, position: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """Return what the tool is off (6,), along its own axes, weighed."""
@@ -138,32 +178,30 @@ class DampedRates:
         error = np.concatenate([turned.T @ (position - reached), pin.log3(turned.T @ rotation)])
         return np.asarray(self._weights * error)
 
-    def _change(
-        self, angles: np.ndarray, error: np.ndarray, lower: np.ndarray, upper: np.ndarray
-    ) -> tuple[np.ndarray, bool, bool]:
-        """Return one step of the joints (n,), rad, whether a range holds one of them, and whether it is damped."""
-        jacobian = self._weights[:, None] * self._controller.tool_jacobian(angles)
-        change = np.zeros(len(angles))
-        free = np.ones(len(angles), dtype=bool)
-        damped = False
-        # Each round holds another joint at least.
-        for _ in range(len(angles)):
-            left = error - jacobian[:, ~free] @ change[~free]
-            change[free], damped = damped_step(jacobian[:, free], left)
-            largest = float(np.abs(change[free]).max(initial=0.0))
-            if largest > STRIDE:
-                # Far from the target the linearisation leads astray.
-                change[free] *= STRIDE / largest
-            beyond = free & ((angles + change > upper) | (angles + change < lower))
-            if not beyond.any():
-                break
-            ends = np.where(change > 0.0, upper, lower)
-            change[beyond] = (ends - angles)[beyond]
-            free &= ~beyond
-        return change, not free.all(), damped
+
+def _change(
+    jacobian: np.ndarray, error: np.ndarray, trust: float, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, bool, bool]:
+    """Return one step of the joints (n,), rad, whether a range holds one of them, and whether the pose is singular."""
+    change, damping = damped_step(jacobian, error, trust)
+    held = bool(((change > upper) | (change < lower)).any())
+    if held:
+        change, damping = bounded_step(jacobian, error, lower, upper, trust)
+    largest = float(np.abs(change).max())
+    if largest > STRIDE:
+        # Far from the target the linearisation leads astray.
+        change = change * (STRIDE / largest)
+    return change, held, damping > trust
 
 
-def damped_step(jacobian: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, bool]:
+def _gain(before: np.ndarray, after: np.ndarray, predicted: np.ndarray) -> float:
+    """Return how much smaller a sum of squares has become, over what the linearised motion predicts."""
+    square = float(before @ before)
+    hoped = square - float(predicted @ predicted)
+    return (square - float(after @ after)) / hoped if hoped > 0.0 else 0.0
+
+
+def damped_step(jacobian: np.ndarray, error: np.ndarray, least_damping: float = 0.0) -> tuple[np.ndarray, float]:
     """Solve for the smallest motion of the joints that takes up an error, damped near a singular pose.
 
     It minimises |J x - e|^2 + d^2 |x|^2 [NakamuraHanafusa1986; Wampler1986]. With s the least singular value of J over
@@ -172,17 +210,63 @@ def damped_step(jacobian: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, bo
     Args:
         jacobian: J (6, n), m/rad.
         error: e (6,), m.
+        least_damping: Least d, m/rad.
 
     Returns:
-        The step x (n,), rad, and whether it is damped.
+        The step x (n,), rad, and its damping d, m/rad; infinite where no joint moves the tool.
     """
-    if jacobian.shape[1] == 0:
-        return np.zeros(0), False
     left, values, right = np.linalg.svd(jacobian, full_matrices=False)
-    largest = float(values[0])
-    if largest == 0.0:
-        return np.zeros(jacobian.shape[1]), True
-    least = float(values[-1]) / largest
-    damping = (DAMPING * largest) ** 2 * max(1.0 - (least / SINGULAR) ** 2, 0.0)
-    gains = 1.0 / values if damping == 0.0 else values / (values**2 + damping)
-    return right.T @ (gains * (left.T @ error)), damping > 0.0
+    if values[0] == 0.0:
+        return np.zeros(jacobian.shape[1]), np.inf
+    damping = max(_damping(values), least_damping)
+    gains = 1.0 / values if damping == 0.0 else values / (values**2 + damping**2)
+    return right.T @ (gains * (left.T @ error)), damping
+
+
+def bounded_step(
+    jacobian: np.ndarray, error: np.ndarray, lower: np.ndarray, upper: np.ndarray, least_damping: float = 0.0
+) -> tuple[np.ndarray, float]:
+    """Solve the damped least squares of `damped_step` within bounds of each joint's motion [StarkParker1995].
+
+    Args:
+        jacobian: J (6, n), m/rad, not zero.
+        error: e (6,), m.
+        lower: Least motion of each joint (n,), rad.
+        upper: Largest motion (n,), rad.
+        least_damping: Least d, m/rad.
+
+    Returns:
+        The step x (n,), rad, and its damping d, m/rad.
+    """
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    damping = max(_damping(values), least_damping)
+    # A trace of damping picks the smallest motion where several take up the error alike.
+    trace = 1e-6 * float(values[0])
+    step = _within(jacobian, error, max(damping, trace), lower, upper)
+    free = (step > lower) & (step < upper)
+    if free.any():
+        # Without the joints at their ends the others may be nearer to a singular pose.
+        alone = _damping(np.linalg.svd(jacobian[:, free], compute_uv=False))
+        if alone > damping:
+            damping = alone
+            step = _within(jacobian, error, max(damping, trace), lower, upper)
+    return step, damping
+
+
+def _within(
+    jacobian: np.ndarray, error: np.ndarray, damping: float, lower: np.ndarray, upper: np.ndarray
+) -> np.ndarray:
+    """Return the x within bounds that minimises |J x - e|^2 + d^2 |x|^2, those at their bounds exactly there."""
+    count = jacobian.shape[1]
+    rows = np.vstack([jacobian, damping * np.eye(count)])
+    solution = lsq_linear(rows, np.concatenate([error, np.zeros(count)]), (lower, upper), method="bvls", tol=1e-14)
+    step = np.where(solution.active_mask > 0, upper, solution.x)
+    return np.where(solution.active_mask < 0, lower, step)
+
+
+def _damping(values: np.ndarray) -> float:
+    """Return the damping of a Jacobian with these singular values, largest first, m/rad."""
+    largest, least = float(values[0]), float(values[-1])
+    if least >= SINGULAR * largest:
+        return 0.0
+    return DAMPING * largest * math.sqrt(1.0 - (least / (SINGULAR * largest)) ** 2)
