@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from hmtb_twin.control.experiment import IDEAL, Chain, Experiment, Motion, Operator, PayloadChange, Status, View
     from hmtb_twin.control.modes import MODES
     from hmtb_twin.files.errors import OverloadError, TwinError, TwinWarning
-    from hmtb_twin.parameters.payloads import PAYLOADS, Load
+    from hmtb_twin.parameters.payloads import Load
     from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
     from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
-    from hmtb_twin.parameters.values import JOINTS, POSES, SAMPLE_RATE, SAMPLE_TIME, STUDIED_JOINTS, HandController
-    from hmtb_twin.parameters.variants import VARIANTS
+    from hmtb_twin.parameters.values import SAMPLE_RATE, SAMPLE_TIME, HandController
+    from hmtb_twin.parameters.variants import JOINTS, PAYLOADS, POSES, STUDIED_JOINTS, VARIANTS
     from hmtb_twin.run.simulation import simulate
     from hmtb_twin.truth.linearization import linearize
     from hmtb_twin.truth.truth import JointTruth, Truth

@@ -71,7 +71,7 @@ def small_signal_findings() -> tuple[str, ...]:
 
     def make() -> tuple[str, ...]:
         from hmtb_twin import load_arm
-        from hmtb_twin.parameters.values import OPERATING_POSE
+        from hmtb_twin.parameters.variants import OPERATING_POSE
         from scenarios.truth.map_findings import findings
         from scenarios.truth.maps import Density, maps
 

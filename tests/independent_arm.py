@@ -18,10 +18,8 @@ from scipy.linalg import expm
 from scipy.optimize import brentq, root
 
 from hmtb_twin.arm.arm import Arm
-from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.specimen import LINK_NAMES, Specimen
-from hmtb_twin.parameters.values import JOINTS
-from hmtb_twin.parameters.variants import VARIANTS
+from hmtb_twin.parameters.variants import JOINTS, PAYLOADS, VARIANTS
 
 AXES = dict(zip(JOINTS, ((1, 0, 0), (0, 0, 1), (0, -1, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (1, 0, 0)), strict=True))
 """Axis of each joint along the arm's own x, y and z when it is stretched out: forward, left, up."""

@@ -13,9 +13,6 @@ ROOT = Path(__file__).parents[1]
 PACKAGES = ("hmtb_twin", "scenarios", "sysid")
 
 OF_THE_TEST_BED = {
-    "hmtb_twin/parameters/values.py": "its numbers",
-    "hmtb_twin/parameters/variants.py": "its numbers",
-    "hmtb_twin/parameters/drives.py": "its numbers",
     "hmtb_twin/arm/rigid_bodies.py": "bodies of its MJCF",
     "scenarios/experiments/model_structures.py": "structures that the thesis prints",
     "scenarios/truth/published.py": "models that the thesis prints",

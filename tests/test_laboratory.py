@@ -21,7 +21,8 @@ from hmtb_twin import (
 )
 from hmtb_twin.bus.recorder import delayed
 from hmtb_twin.control.resolved_rate import ResolvedRate
-from hmtb_twin.parameters.values import INDEXED_JOINTS, LARGE_MOTION, MOTIONS, RECORDER
+from hmtb_twin.parameters.values import LARGE_MOTION, RECORDER
+from hmtb_twin.parameters.variants import INDEXED_JOINTS, MOTIONS
 from hmtb_twin.truth.linearization import linear
 from scenarios import Excitation, Scenario
 

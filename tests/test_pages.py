@@ -14,7 +14,7 @@ import sysid
 from hmtb_twin import PAYLOADS, VARIANTS, Chain, HandController, Plant, Specimen, Status, load_arm, simulate
 from hmtb_twin.parameters.specimen import FARTHEST, LARGEST
 from hmtb_twin.parameters.specimen_draw import CUT, KINDS, TwinDistributions
-from hmtb_twin.parameters.values import LINKS
+from hmtb_twin.parameters.variants import LINKS
 from scenarios import Scenario, load
 from scenarios.commands.cli import COMMANDS
 from scenarios.experiments.multisines import Multisines

@@ -8,7 +8,7 @@ import pytest
 
 from docs.images.published_servos import PITCH_PLANE, TARGETS, YAW_PLANE, coupled, dominant_poles, solved_servos, tables
 from hmtb_twin import linearize, load_arm
-from hmtb_twin.parameters.variants import PUBLISHED_SERVOS
+from hmtb_twin.parameters.variants import VARIANTS
 from scenarios.truth.published import EQUATIONS
 from tests.benchmarks import yaw_question as question
 
@@ -98,10 +98,10 @@ def test_what_the_complex_pair_would_take():
 @pytest.mark.parametrize("plane", [YAW_PLANE, PITCH_PLANE], ids=["yaw", "pitch"])
 def test_the_servos_are_found_again_and_the_closed_form_is_the_arm(plane, truth):
     for name, servo in solved_servos(plane).items():
-        assert servo.slow_pole == pytest.approx(PUBLISHED_SERVOS[name].slow_pole, rel=1e-3)
-        assert servo.fast_pole == pytest.approx(PUBLISHED_SERVOS[name].fast_pole, rel=1e-3)
+        assert servo.slow_pole == pytest.approx(VARIANTS["published"].servos[name].slow_pole, rel=1e-3)
+        assert servo.fast_pole == pytest.approx(VARIANTS["published"].servos[name].fast_pole, rel=1e-3)
     # The closed form knows no step of the physics.
-    poles = np.linalg.eigvals(coupled(plane.joints, PUBLISHED_SERVOS)[0])
+    poles = np.linalg.eigvals(coupled(plane.joints, VARIANTS["published"].servos)[0])
     natural = truth.joint(plane.joints[0]).natural_poles
     for pole in poles[poles.real > -30.0]:
         assert np.abs(natural / pole - 1.0).min() < 0.005

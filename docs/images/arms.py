@@ -6,7 +6,7 @@ import numpy as np
 from PIL import Image
 
 from hmtb_twin import linearize, load_arm, render
-from hmtb_twin.parameters.provenance import provenance_table
+from hmtb_twin.parameters.variants import NUMBERS
 
 ARMS = ("nominal", "flight", "panda", "ur5", "ur10", "xarm7", "kinova", "z1", "so100", "talos_left_arm")
 """The arms of the table: two of the test bed, the others from example-robot-data."""
@@ -39,7 +39,7 @@ def row(name):
     picture = render(arm, width=640, height=480)
     PICTURES.mkdir(exist_ok=True)
     Image.fromarray(picture).resize((240, 180)).save(PICTURES / f"{name}.png", optimize=True)
-    numbers = arm.description.numbers or provenance_table()
+    numbers = arm.description.numbers or NUMBERS[name]
     assumed = sum(row.tag == "assumed" for row in numbers)
     mass = float(np.sum(arm.model.body_mass))
     cells = [

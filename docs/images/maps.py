@@ -6,7 +6,7 @@ from pathlib import Path
 import matplotlib
 
 from hmtb_twin import linearize, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from scenarios.truth.map_figures import map_figures
 from scenarios.truth.map_findings import findings
 from scenarios.truth.maps import Maps, maps

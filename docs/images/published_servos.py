@@ -15,9 +15,9 @@ from scipy.optimize import least_squares
 
 from hmtb_twin import JointTruth, Truth, linearize, load_arm
 from hmtb_twin.arm.controller_model import controller_model
-from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_gains import torque_gains
-from hmtb_twin.parameters.values import BUS, JOINTS, OPERATING_POSE, POSES, SAMPLE_TIME, SERVOS, Servo
+from hmtb_twin.parameters.values import SAMPLE_TIME, Servo
+from hmtb_twin.parameters.variants import ACTUATORS, BUS, JOINTS, OPERATING_POSE, POSES, SERVOS
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.published import EQUATIONS, PUBLISHED, PublishedModel
 from sysid import StateSpace

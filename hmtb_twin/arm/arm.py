@@ -21,11 +21,12 @@ from hmtb_twin.hydraulics.equilibrium import drooping, inertia, pin_stiffnesses,
 from hmtb_twin.hydraulics.valve_equilibrium import settled_arm
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Actuator, Drive
-from hmtb_twin.parameters.payloads import SEATS, WORKSITE_PAYLOADS, Load
+from hmtb_twin.parameters.payloads import Load
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.specimen import NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.parameters.values import Servo
+from hmtb_twin.parameters.worksite import SEATS, WORKSITE_PAYLOADS
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,10 @@ import numpy as np
 
 from hmtb_twin.arm_files.rigid_arm import PAYLOAD_BODY
 from hmtb_twin.parameters.arm_description import ArmDescription
-from hmtb_twin.parameters.payloads import PAYLOADS, Load, Payload
+from hmtb_twin.parameters.payloads import Load, Payload
 from hmtb_twin.parameters.specimen import LINK_NAMES, NOMINAL_SPECIMEN, Specimen
-from hmtb_twin.parameters.values import JOINTS, LINKS, Link
+from hmtb_twin.parameters.values import Link
+from hmtb_twin.parameters.variants import JOINTS, LINKS, PAYLOADS
 
 UNIT = "rpcm"
 """Name of the payload's body."""

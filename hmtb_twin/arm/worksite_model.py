@@ -3,9 +3,9 @@
 import mujoco
 import numpy as np
 
-from hmtb_twin.parameters.payloads import LATCH, TOUCH, UNIT
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import LINKS
+from hmtb_twin.parameters.variants import LINKS
+from hmtb_twin.parameters.worksite import LATCH, TOUCH, UNIT
 
 UNIT_BODY = "rpcm"
 """Body of the replacement unit; its frame is the tool's when it is held exactly."""

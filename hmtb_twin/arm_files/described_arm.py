@@ -1,24 +1,23 @@
 """Description of an arm from its files: settings, model file, and rules for the rest."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import chain
 from pathlib import Path
 from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
-from hmtb_twin.arm_files import rules
-from hmtb_twin.arm_files.arm_toml import ArmSettings
 from hmtb_twin.arm_files.model_file import ModelFile, read_model_file
 from hmtb_twin.arm_files.rigid_arm import RigidArm, rigid_arm
 from hmtb_twin.arm_files.second_reading import check_second_reading
-from hmtb_twin.files.errors import TwinError
+from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.arm_description import ArmDescription, RigidModel
+from hmtb_twin.parameters.arm_toml import ArmSettings
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import Load, Payload
+from hmtb_twin.parameters.rules import joint_records
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
-from hmtb_twin.parameters.values import BusTerminal, Motion, Servo
+from hmtb_twin.parameters.values import Motion
 
 FAVOURITES = ("ready", "home", "standing", "half_sitting", "default", "middle")
 """Names of poses in which joints are preferably excited."""
@@ -50,61 +49,56 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
     Raises:
         TwinError: The file or the settings are wrong, or no arm follows from them.
     """
+    _check_chain_settings(settings)
     file = read_model_file(path)
     arm = rigid_arm(file, joints=settings.joints, locked=settings.locked, tool=settings.tool)
     remarks = (*arm.remarks, *check_second_reading(file, arm))
-    gravity = -float(file.model.opt.gravity[2])
-    numbers = _numbers(file, arm, settings)
-    motions = {one.joint: rules.motion(one) for one in numbers}
+    gravity = -float(file.model.opt.gravity[2]) if settings.gravity is None else settings.gravity
+    unknown = [joint for joint in settings.studied if joint not in arm.joints]
+    if unknown:
+        raise TwinError(f"studied: {', '.join(unknown)} given, available: {', '.join(arm.joints)}")
+    read = {joint: _read(file, arm, joint) for joint in arm.joints}
     weights = Weights(arm.mjcf, gravity)
-    largest_weights = weights.largest(motions)
-    # In the order in which a reader of the table of numbers asks for them: torque, drive, servo, bus.
-    efforts: dict[str, float] = {}
-    drives: dict[str, Drive] = {}
-    servos: dict[str, Servo] = {}
-    bus: dict[str, BusTerminal] = {}
-    for one, weight in zip(numbers, largest_weights, strict=True):
-        joint = one.joint
-        efforts[joint] = rules.effort(one, float(weight))
-        drives[joint] = rules.drive(one, settings.drives, efforts[joint], motions[joint])
-        servos[joint] = rules.servo(one)
-        bus[joint] = rules.bus_terminal(one)
-    poses, operating, notes = _settled_poses(file, arm, settings, motions, efforts, weights)
+    records = joint_records(settings, read, weights.largest)
+    poses, operating, notes = _settled_poses(file, arm, settings, records.motions, records.efforts, weights)
     return ArmDescription(
         name=name,
         description=settings.title or f"{len(arm.joints)} joints of {path.name}, {settings.drives} drives",
         joints=arm.joints,
-        motions=motions,
-        actuators=drives,
-        servos=servos,
-        bus=bus,
+        motions=records.motions,
+        actuators=records.drives,
+        servos=records.servos,
+        bus=records.bus,
         poses=poses,
         operating_pose=operating,
         payloads=_payloads(settings),
         # Servos are tuned without a load, as a manufacturer would who does not know it.
-        tuned_payload="none",
+        tuned_payload=settings.tuned_payload or "none",
         gravity=gravity,
         rigid=RigidModel(arm.mjcf, str(path), arm.locked),
         # A flow servo needs joints that are heavy enough for their oil; one that asks for a torque does not.
         servo=settings.servo or "torque",
+        studied=settings.studied,
         sample_rate=settings.sample_rate,
-        power_unit=_power_unit(drives.values()),
-        given_gains=_given_gains(settings, arm.joints),
-        numbers=tuple(chain.from_iterable(one.table for one in numbers)),
+        power_unit=_power_unit(records.drives.values()),
+        given_gains=records.given_gains,
+        numbers=records.numbers,
         remarks=(*remarks, *notes),
     )
 
 
-def _numbers(file: ModelFile, arm: RigidArm, settings: ArmSettings) -> list[rules.Numbers]:
-    """What is known of each joint, from its user and from the model file."""
-    for joint in settings.joint:
-        # A misspelt name would silently leave its joint with what a rule assumes.
-        if joint not in arm.joints:
-            raise TwinError(f"joint.{joint}: no joint of the arm, available: {', '.join(arm.joints)}")
-    numbers = []
-    for joint in arm.joints:
-        numbers.append(rules.Numbers(joint, settings.of_joint(joint), _read(file, arm, joint)))
-    return numbers
+def _check_chain_settings(settings: ArmSettings) -> None:
+    """Raise `TwinError` for settings that only the chain of the test bed has."""
+    if settings.indexed:
+        raise TwinError(
+            f"indexed = {shown(list(settings.indexed))} given, which only arms with links have; expected the joints "
+            "that do not move in locked, with their angles"
+        )
+    boxes = [name for name, load in settings.payloads.items() if load.size]
+    if boxes:
+        raise TwinError(
+            f"payloads.{boxes[0]}: size given, which only payloads of arms with links have; expected centre and inertia"
+        )
 
 
 def _payloads(settings: ArmSettings) -> dict[str, Payload | Load | None]:
@@ -112,6 +106,8 @@ def _payloads(settings: ArmSettings) -> dict[str, Payload | Load | None]:
     payloads: dict[str, Payload | Load | None] = {"none": None}
     for name, load in settings.payloads.items():
         payloads[name] = Load(load.mass, load.centre, load.inertia)
+    if settings.tuned_payload and settings.tuned_payload not in payloads:
+        raise TwinError(f"tuned_payload = {shown(settings.tuned_payload)} given, available: {', '.join(payloads)}")
     return payloads
 
 
@@ -340,18 +336,6 @@ def _load_remarks(
                 f"at the pose {pose} the weight takes {100 * share:.0f} % of the torque of {joint}: little is left to "
                 "move it, and its answer is no linear one"
             )
-
-
-def _given_gains(settings: ArmSettings, joints: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Gains kp, N m/rad, and kd, N m s/rad, of the servos whose user gives both."""
-    gains = {}
-    for joint in joints:
-        of_joint = settings.of_joint(joint)
-        if (of_joint.kp is None) != (of_joint.kd is None):
-            raise TwinError(f"joint.{joint}: one of kp and kd given, expected both or none")
-        if of_joint.kp is not None and of_joint.kd is not None:
-            gains[joint] = (of_joint.kp.value, of_joint.kd.value)
-    return gains
 
 
 def _power_unit(drives: Iterable[Drive]) -> PowerUnit:

@@ -7,12 +7,13 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from types import MappingProxyType
 
-from hmtb_twin.arm_files.arm_toml import FILE_NAME, ArmSettings, read_arm_toml
 from hmtb_twin.arm_files.model_file import ENDINGS
 from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.arm_description import ArmDescription
-from hmtb_twin.parameters.resources import models_directory
-from hmtb_twin.parameters.variants import VARIANTS
+from hmtb_twin.parameters.arm_toml import FILE_NAME, ArmSettings, read_arm_toml
+from hmtb_twin.parameters.chain_arm import MODEL, chain_arm
+from hmtb_twin.parameters.resources import model_file, models_directory
+from hmtb_twin.parameters.variants import JOINTS, LINKS, VARIANTS
 
 EXAMPLES = ("panda", "ur10", "xarm7", "kinova")
 """Arms that are named where a name is like none."""
@@ -150,7 +151,28 @@ def _cached(name: str, model: Path, toml: Path | None, stamps: tuple[int, ...]) 
 
     settings = ArmSettings() if toml is None else read_arm_toml(toml)
     try:
-        return described_arm(name, model, settings)
+        return _changed_test_bed(name, model, settings) if settings.link else described_arm(name, model, settings)
     except TwinError as error:
         where = f"{toml.parent.name}/{toml.name}: " if toml is not None and not str(error).startswith(toml.name) else ""
         raise TwinError(f"{where}{error}") from error
+
+
+def _changed_test_bed(name: str, model: Path, settings: ArmSettings) -> ArmDescription:
+    """An arm of the test bed's chain with numbers of its own: links, drives, servos, payloads, poses, bus."""
+    chain = model_file(f"hmtb/{MODEL}")
+    if model.read_bytes() != chain.read_bytes():
+        raise TwinError(
+            f"links given, but {model.name} is not the {MODEL} of the test bed whose links they are; expected its "
+            "copy, or no [link], and the file is read as any other one"
+        )
+    # The closed form of the tool's kinematics, the worksite and the pictures are of this chain alone.
+    arm = chain_arm(name, settings)
+    if arm.joints != JOINTS:
+        raise TwinError(f"joints {', '.join(arm.joints)} given, expected those of {MODEL}: {', '.join(JOINTS)}")
+    for body, link in (arm.links or {}).items():
+        if link.length != LINKS[body].length:
+            raise TwinError(
+                f"link.{body}.length = {link.length:g} m given, expected {LINKS[body].length:g}: joints and axes are "
+                f"those of {MODEL}. A chain of other lengths is an MJCF of its own, without [link]"
+            )
+    return arm

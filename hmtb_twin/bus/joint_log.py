@@ -15,7 +15,7 @@ from hmtb_twin.bus.log_figure import JointCurves, log_figure
 from hmtb_twin.control.experiment import Status
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
-from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.variants import JOINTS
 from sysid import IOData
 
 if TYPE_CHECKING:

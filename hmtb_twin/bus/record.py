@@ -10,7 +10,7 @@ import numpy as np
 from hmtb_twin.bus.joint_log import WRENCH, JointLog
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.files.netcdf import Attribute, Contents, Variable, read_format, write_format
-from hmtb_twin.parameters.values import JOINTS, joint_index
+from hmtb_twin.parameters.variants import JOINTS, joint_index
 from sysid import IOData
 
 FORMAT = "hmtb bus record 1"

@@ -7,7 +7,8 @@ from math import pi
 import numpy as np
 
 from hmtb_twin.bus.joint_log import WRENCH
-from hmtb_twin.parameters.values import JOINTS, SAMPLE_RATE
+from hmtb_twin.parameters.values import SAMPLE_RATE
+from hmtb_twin.parameters.variants import JOINTS
 
 CLOCK = 10_000_000
 """Rate of the relative time counter, Hz [IRIG2015, 10.6.1]."""

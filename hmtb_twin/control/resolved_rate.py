@@ -28,7 +28,7 @@ from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.control.bounded_qp import bounded_step
 from hmtb_twin.control.tool_kinematics import Posture, Rotation, ToolKinematics, Vector, WristAngles
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import INDEXED_JOINTS, JOINTS
+from hmtb_twin.parameters.variants import INDEXED_JOINTS, JOINTS
 
 SINGULAR = 0.05
 """Damping begins where the joints have to turn by 1 rad for this much motion of the tool, m/rad."""

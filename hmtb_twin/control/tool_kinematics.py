@@ -17,7 +17,7 @@ import numpy as np
 
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.values import JOINTS
+from hmtb_twin.parameters.variants import JOINTS
 
 AXES = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [1, 0, 0]], dtype=float)
 """Axis of each joint at zero angles, in the frame of the tool."""

@@ -147,17 +147,19 @@ class Actuator:
     In cm^3, MPa and s the load-pressure equation V/(4 beta) dP/dt = Q - (K + C) P - D w has coefficients of order one,
     and D P is a torque in N m. K is `load_flow_slope` times the slope of the straight line from no-load flow at zero
     load pressure to stall at full pressure [Merritt1967, ch. 5 and 6]; C is the internal leakage.
+
+    Attributes:
+        displacement: D, cm^3/rad.
+        trapped_volume: V, the oil in both chambers and lines, cm^3.
+        no_load_speed: Speed without load at the rated pressure, rad/s.
+        hydraulics: The oil and its supply.
+        friction: Friction of its seals and of the oil; None for none.
+        valve_open: Whether the valve lets oil through.
     """
 
-    displacement: float = quantity(
-        0.0, "cm3/rad", "assumed", "stall torques near 1000, 430, 170 N m; Titan 4, Atlas 7R wrists 170, 205 N m"
-    )
-    trapped_volume: float = quantity(
-        0.0, "cm3", "derived", "both chambers and lines: 1.2 times displacement times range"
-    )
-    no_load_speed: float = quantity(
-        0.0, "rad/s", "assumed", "3 to 4 times the velocity limit; rated flows 5.4, 3 and 1.8 L/min within one pump's"
-    )
+    displacement: float
+    trapped_volume: float
+    no_load_speed: float
     hydraulics: Hydraulics = field(default_factory=Hydraulics)
     friction: Friction | None = field(default_factory=Friction)
     valve_open: bool = True
@@ -242,38 +244,6 @@ class Actuator:
 
 
 @dataclass(frozen=True)
-class YawFriction(Friction):
-    """Seals of the shoulder yaw, which rub more than those of the pitches."""
-
-    coulomb: float = quantity(
-        0.006, "1", "assumed", "part of maximum torque; at small motion it gives the slow printed yaw models"
-    )
-
-
-@dataclass(frozen=True)
-class RollFriction(Friction):
-    """Seals of the wrist roll, whose small inertia reverses faster than that of the other joints."""
-
-    slip_velocity: float = quantity(
-        0.01, "rad/s", "assumed", "five times that of the other joints: a reversal that the physics step resolves"
-    )
-
-
-# Trapped volumes are 1.2 times displacement times range: smaller ones could not hold what the joint sweeps. With faster
-# no-load speeds the joints together would need more flow than a pump of 30 L/min has.
-ACTUATORS = {
-    "shoulder_roll": Actuator(60.0, 455.0, 1.5),
-    "shoulder_yaw": Actuator(60.0, 228.0, 1.5, friction=YawFriction()),
-    "shoulder_pitch": Actuator(60.0, 228.0, 1.5),
-    "elbow_pitch": Actuator(25.0, 80.0, 2.0),
-    "wrist_pitch": Actuator(10.0, 40.0, 3.0),
-    "wrist_yaw": Actuator(10.0, 40.0, 3.0),
-    "wrist_roll": Actuator(10.0, 76.0, 3.0, friction=RollFriction()),
-}
-"""The actuator of each joint."""
-
-
-@dataclass(frozen=True)
 class GearFriction(Friction):
     """Friction of a harmonic drive as parts of the rated torque: LuGre or Coulomb, and the lubricant's drag."""
 
@@ -284,11 +254,8 @@ class GearFriction(Friction):
     viscous: float = quantity(0.03, "1", "assumed", "grease: drag at no-load speed, part of rated torque")
 
 
-@dataclass(frozen=True)
-class RollGearFriction(GearFriction):
-    """Friction of the wrist roll's gear, smooth at a reversal as that of the hydraulic wrist roll."""
-
-    slip_velocity: float = quantity(0.01, "rad/s", "assumed", "as of the hydraulic wrist roll")
+BRAKE_PART = 1.5
+"""Torque of a brake that holds without power, as a part of the rated torque of its drive; assumed."""
 
 
 @dataclass(frozen=True)
@@ -297,16 +264,28 @@ class ElectricDrive:
 
     With V the bus voltage, N the gear ratio and k the motor's torque constant the joint's torque is N k i, and
     L di/dt = v - R i - N k w with v within V. The rotor turns N times as fast as the joint and weighs N^2 J there.
+
+    Attributes:
+        torque_constant: k, N m/A.
+        gear_ratio: N.
+        resistance: R, of the winding, ohm.
+        electrical_lag: L / R, s.
+        rotor_inertia: J, of what turns before the gear, kg m^2.
+        largest_current: Limit of the drive's electronics, A.
+        bus_voltage: V, of the bus, V.
+        brake_torque: Torque of the brake that holds without power, as a part of the rated torque.
+        friction: Friction of gear and bearings; None for none.
+        powered: Whether it has power.
     """
 
-    torque_constant: float = quantity(0.1, "N m/A", "assumed", "of the motor; frameless motors of 60 to 100 mm")
-    gear_ratio: float = quantity(160.0, "1", "assumed", "harmonic drive, a usual ratio")
-    resistance: float = quantity(1.0, "ohm", "assumed", "of a winding for the bus voltage")
-    electrical_lag: float = quantity(0.002, "s", "assumed", "inductance over resistance")
-    rotor_inertia: float = quantity(5e-5, "kg m2", "assumed", "of rotor and wave generator")
-    largest_current: float = quantity(8.0, "A", "assumed", "limit of the drive's electronics")
-    bus_voltage: float = quantity(28.0, "V", "analogue", "direct-current bus of the Space Shuttle Orbiter")
-    brake_torque: float = quantity(1.5, "1", "assumed", "of the brake that holds without power, part of rated torque")
+    torque_constant: float
+    gear_ratio: float
+    resistance: float
+    electrical_lag: float
+    rotor_inertia: float
+    largest_current: float
+    bus_voltage: float
+    brake_torque: float = BRAKE_PART
     friction: Friction | None = field(default_factory=GearFriction)
     powered: bool = True
 

@@ -4,64 +4,59 @@ Run as a module it writes the table of `models/hmtb/README.md`.
 """
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
-from hmtb_twin.parameters.drives import (
-    ACTUATORS,
-    Friction,
-    GearFriction,
-    Hydraulics,
-    RollFriction,
-    RollGearFriction,
-    YawFriction,
-)
-from hmtb_twin.parameters.payloads import LATCH, PAYLOADS, SEATS, TOUCH
+from hmtb_twin.parameters.drives import Friction, Hydraulics
 from hmtb_twin.parameters.quantity import Provenance, provenance
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import BUS, HAND_CONTROLLER, LINKS, MOTIONS, PIN, RECORDER, SERVOS
-from hmtb_twin.parameters.variants import FLIGHT_DRIVES, FLIGHT_LINKS, FLIGHT_SERVOS
+from hmtb_twin.parameters.values import HAND_CONTROLLER, PIN, RECORDER
+from hmtb_twin.parameters.variants import JOINTS, NUMBERS
+from hmtb_twin.parameters.worksite import LATCH, SEATS, TOUCH
 
-# Records by the name of their rows: one record, or a table of records by joint, body, payload or seat.
+# Records by the name of their rows: one record, or a table of records by seat.
 _RECORDS: Mapping[str, Any] = {
-    "link": LINKS,
-    "payload": PAYLOADS,
     "hydraulics": Hydraulics(),
-    "friction": Friction(),
-    "shoulder yaw friction": YawFriction(),
-    "wrist roll friction": RollFriction(),
-    "actuator": ACTUATORS,
     "servo valve": SERVO_VALVE,
     "power unit": POWER_UNIT,
-    "servo": SERVOS,
-    "motion": MOTIONS,
     "pin": PIN,
-    "bus terminal": BUS,
     "hand controller": HAND_CONTROLLER,
     "recorder": RECORDER,
     "seat": SEATS,
     "latch": LATCH,
     "touch": TOUCH,
-    "flight link": FLIGHT_LINKS,
-    "flight drive": FLIGHT_DRIVES,
-    "flight gear friction": GearFriction(),
-    "flight wrist roll gear friction": RollGearFriction(),
-    "flight servo": FLIGHT_SERVOS,
 }
 
 
 def provenance_table() -> tuple[Provenance, ...]:
-    """Return the rows of all tagged parameters: the nominal arm first, then what differs on the arm in orbit."""
-    rows: list[Provenance] = []
+    """Return the rows of all tagged parameters: the nominal arm first, then the arm in orbit."""
+    rows = _shared(NUMBERS["nominal"])
+    # An experiment may choose this one number of the friction, so that no arm gives it.
+    rows += [row for row in provenance("friction", Friction()) if row.parameter == "presliding"]
     for owner, records in _RECORDS.items():
         if not isinstance(records, Mapping):
             rows += provenance(owner, records)
             continue
         for name, record in records.items():
-            # The payload "none" has no parameters.
-            if record is not None:
-                rows += provenance(f"{owner} {name}", record)
-    return tuple(rows)
+            rows += provenance(f"{owner} {name}", record)
+    # What is equal on both arms stands above.
+    flight = [row for row in NUMBERS["flight"] if row not in NUMBERS["nominal"]]
+    return (*rows, *(replace(row, owner=f"flight {row.owner}") for row in _shared(flight)))
+
+
+def _shared(rows: Iterable[Provenance]) -> list[Provenance]:
+    """Join the rows of joints that share a number and its source, with the joints as their owner."""
+    owners: dict[Provenance, list[str]] = {}
+    for row in rows:
+        nobody = replace(row, owner="")
+        of_joint = row.owner in JOINTS
+        owners.setdefault(nobody if of_joint else row, []).append(row.owner)
+    joined = []
+    for row, names in owners.items():
+        owner = "every joint" if set(names) == set(JOINTS) else ", ".join(names)
+        joined.append(replace(row, owner=owner))
+    return joined
 
 
 def markdown(row: Provenance) -> str:

@@ -11,6 +11,9 @@ from hmtb_twin.parameters.drives import Actuator, DcMotor, Drive
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
 from hmtb_twin.parameters.values import Servo
 
+ROUNDING = 1e-6
+"""Part by which a pole may miss the wanted one."""
+
 
 class ServoGains(NamedTuple):
     """Gains of a joint's servo, of either law.
@@ -135,7 +138,8 @@ def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
         The gains.
 
     Raises:
-        TwinError: The oil is too slow for the wanted pole: the error would have to open the valve the wrong way.
+        TwinError: The oil is too slow for the wanted pole: the error would have to open the valve the wrong way, or
+            another pole would be slower.
     """
     motor, s = drive.motor, servo.slow_pole
     D, K, compliance = motor.constant, motor.resistance, motor.inductance
@@ -149,7 +153,15 @@ def flow_gains(inertia: float, servo: Servo, drive: Drive) -> ServoGains:
     kp = -(oil * joint + D**2) * s / K
     if not kp > 0.0:
         raise TwinError(f"wanted slow pole {s:g} rad/s asks for kp = {kp:g} N m/rad of a flow servo, expected above 0")
-    return ServoGains(kp, 0.0, feed=K, dynamic=dynamic, washout=washout, compensated=0.0)
+    gains = ServoGains(kp, 0.0, feed=K, dynamic=dynamic, washout=washout, compensated=0.0)
+    slowest = float(np.linalg.eigvals(servo_dynamics(inertia, drive.drag, motor, gains)).real.max())
+    # Beyond a fastest one that the oil allows, a servo with the wanted pole has another one that is slower.
+    if slowest > (1.0 - ROUNDING) * s:
+        raise TwinError(
+            f"wanted slow pole {s:g} rad/s: the flow servo that has it has another one at {slowest:.3g} rad/s, as the "
+            "oil is too slow for it; expected a slower wanted pole, a larger displacement, or the torque servo"
+        )
+    return gains
 
 
 def gains_for_slope(gains: ServoGains, inertia: float, actuator: Actuator, slope: float) -> ServoGains:

@@ -10,7 +10,8 @@ from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Drive, ElectricDrive
 from hmtb_twin.parameters.real_number import real_number
 from hmtb_twin.parameters.servo_gains import ServoGains
-from hmtb_twin.parameters.values import JOINTS, LINKS, RECORDER, Recorder
+from hmtb_twin.parameters.values import RECORDER, Recorder
+from hmtb_twin.parameters.variants import JOINTS, LINKS
 
 LINK_NAMES = tuple(LINKS)
 """The bodies of an arm, in sequence: the link that each joint moves, and the end effector."""

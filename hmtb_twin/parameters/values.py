@@ -1,32 +1,11 @@
-"""Parameters of links, servos, motion, hand controller and recorder, with unit, tag and source."""
+"""Records of links, servos and motion; the pin, the hand controller and the recorder with unit, tag and source."""
 
 from dataclasses import dataclass
-from math import nextafter, pi, radians
+from math import nextafter, pi
 
 from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.quantity import quantity
 from hmtb_twin.parameters.real_number import real_number
-
-JOINTS = (
-    "shoulder_roll",
-    "shoulder_yaw",
-    "shoulder_pitch",
-    "elbow_pitch",
-    "wrist_pitch",
-    "wrist_yaw",
-    "wrist_roll",
-)
-"""The seven joints from the base outward."""
-
-INDEXED_JOINTS = ("shoulder_roll",)
-"""Joints held by a pin at an index position [Morris1996, I.2]; a variant may release them."""
-
-
-def joint_index(name: str) -> int:
-    """Return the index of a joint in `JOINTS`; raises `TwinError` for an unknown joint."""
-    if not isinstance(name, str) or name not in JOINTS:
-        raise TwinError(f"unknown joint {name!r}, available: {', '.join(JOINTS)}")
-    return JOINTS.index(name)
 
 
 @dataclass(frozen=True)
@@ -43,12 +22,6 @@ class Pin:
 
 PIN = Pin()
 
-STUDIED_JOINTS = ("shoulder_yaw", "shoulder_pitch", "elbow_pitch")
-"""The three joints that the thesis identified."""
-
-OPERATING_POSE = "rpcm_holster_out_approach"
-"""Keyframe at which the joints are excited and the servos are tuned."""
-
 SAMPLE_RATE = 50
 """Rate of the position loop and of the bus record, Hz [Morris1996, II.4]."""
 
@@ -58,11 +31,17 @@ SAMPLE_TIME = 1.0 / SAMPLE_RATE
 
 @dataclass(frozen=True)
 class Link:
-    """A link as a uniform solid cylinder along its own x axis."""
+    """A link as a uniform solid cylinder along its own x axis.
 
-    length: float = quantity(0.0, "m", "assumed", "sized to the Atlas 7R hydraulic arm, reach 1.664 m")
-    mass: float = quantity(0.0, "kg", "assumed", "80 kg in all; Atlas 7R 73 kg, Titan 4 100 kg")
-    radius: float = quantity(0.0, "m", "assumed", "outer radius of a hydraulic link of that mass")
+    Attributes:
+        length: Its length, m.
+        mass: Its mass, kg.
+        radius: Its outer radius, m.
+    """
+
+    length: float
+    mass: float
+    radius: float
 
     @property
     def axial_inertia(self) -> float:
@@ -76,86 +55,36 @@ class Link:
         return self.mass * (3.0 * self.radius**2 + self.length**2) / 12.0
 
 
-# Of the 27 kg of base, roll and yaw, 9 kg stand still in the pedestal and are no link. From the shoulder pitch to the
-# tool the chain is 0.61 + 0.56 + 0.15 + 0.15 + 0.20 m long, as the reach of the Atlas 7R.
-LINKS = {
-    "shoulder_roll": Link(0.15, 9.0, 0.10),
-    "shoulder_yaw": Link(0.10, 9.0, 0.10),
-    "shoulder_pitch": Link(0.61, 22.0, 0.09),
-    "elbow_pitch": Link(0.56, 14.0, 0.075),
-    "wrist_pitch": Link(0.15, 6.0, 0.06),
-    "wrist_yaw": Link(0.15, 5.0, 0.055),
-    "wrist_roll": Link(0.06, 2.0, 0.05),
-    "end_effector": Link(0.14, 4.0, 0.045),
-}
-"""The link that each joint moves; the end effector is fixed to the wrist roll flange behind the force/torque sensor."""
-
-
 @dataclass(frozen=True)
 class Servo:
-    """Design goals of a joint's position servo at the operating pose: poles, torque lag, damping of the oil."""
+    """Design goals of a joint's position servo at the operating pose: poles, torque lag, damping of the oil.
 
-    slow_pole: float = quantity(-6.7, "rad/s", "derived", "published models: poles near -6..-9, bandwidth about 1 Hz")
-    fast_pole: float = quantity(
-        -36.0, "rad/s", "assumed", "torque servo: published -28..-44; more damping outward, see point 6 above"
-    )
-    torque_lag: float = quantity(
-        0.003, "s", "assumed", "torque servo: longest lag of the load pressure behind its command"
-    )
-    oil_damping: float = quantity(
-        0.7,
-        "1",
-        "assumed",
-        "flow servo: damping ratio of the oil's resonance that dynamic pressure feedback aims at; "
-        "roll joints reach 0.4 to 0.5",
-    )
+    Attributes:
+        slow_pole: Slower pole of the joint alone, rad/s.
+        fast_pole: Faster pole, rad/s.
+        torque_lag: Longest lag of the torque behind its command for which a torque servo is tuned, s.
+        oil_damping: Damping ratio of the oil's resonance at which the dynamic pressure feedback of a flow servo aims.
+    """
 
-
-# Without the faster outer poles, inertial coupling through the bent arm turns the dominant poles into complex pairs.
-SERVOS = {
-    "shoulder_roll": Servo(fast_pole=-36.0),
-    "shoulder_yaw": Servo(fast_pole=-36.0),
-    "shoulder_pitch": Servo(fast_pole=-44.0),
-    "elbow_pitch": Servo(fast_pole=-80.0),
-    "wrist_pitch": Servo(fast_pole=-120.0),
-    "wrist_yaw": Servo(fast_pole=-120.0),
-    "wrist_roll": Servo(fast_pole=-120.0),
-}
-"""The servo of each joint. Outer joints are damped more, so that the coupled arm keeps real dominant poles."""
+    slow_pole: float
+    fast_pole: float
+    torque_lag: float = 0.003
+    oil_damping: float = 0.7
 
 
 @dataclass(frozen=True)
 class Motion:
-    """Range of a joint and velocity limit of its command."""
+    """Range of a joint and velocity limit of its command.
 
-    lower: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
-    upper: float = quantity(0.0, "rad", "assumed", "range of comparable arms")
-    velocity_limit: float = quantity(
-        0.0, "rad/s", "assumed", "that limits exist: thesis III.4; 25 and 45 deg/s assumed"
-    )
+    Attributes:
+        lower: Lower end of the range, rad.
+        upper: Upper end, rad.
+        velocity_limit: Largest velocity of the command, rad/s.
+    """
 
-
-def _motion(lower: float, upper: float, velocity: float) -> Motion:
-    """Return a joint's range and velocity limit from degrees and degrees per second."""
-    return Motion(radians(lower), radians(upper), radians(velocity))
-
-
-MOTIONS = {
-    "shoulder_roll": _motion(-180.0, 180.0, 25.0),
-    "shoulder_yaw": _motion(-90.0, 90.0, 25.0),
-    "shoulder_pitch": _motion(-90.0, 90.0, 25.0),
-    "elbow_pitch": _motion(0.0, 150.0, 25.0),
-    "wrist_pitch": _motion(-90.0, 90.0, 45.0),
-    "wrist_yaw": _motion(-90.0, 90.0, 45.0),
-    "wrist_roll": _motion(-180.0, 180.0, 45.0),
-}
-"""Range and velocity limit of each joint."""
-
-POSES = {
-    "home": tuple(map(radians, (0.0, 0.0, 70.0, 120.0, 0.0, 0.0, 0.0))),
-    OPERATING_POSE: tuple(map(radians, (0.0, 20.0, 50.0, 90.0, -50.0, 0.0, 0.0))),
-}
-"""Joint angles of the keyframes, rad; assumed. The shoulder roll stands at its index position."""
+    lower: float
+    upper: float
+    velocity_limit: float
 
 
 GAINS = {"degrees": 1.17e-3, "nominal": 4e-3, "radians": 67e-3}
@@ -292,9 +221,13 @@ class Recorder:
 
 @dataclass(frozen=True)
 class BusTerminal:
-    """Delay of a joint's terminal on the 1553 bus."""
+    """A joint's terminal on the 1553 bus.
 
-    delay: int = quantity(1, "samples", "derived", "nk - 1 of the published models (study joints); assumed elsewhere")
+    Attributes:
+        delay: Delay of the measured angle, samples.
+    """
+
+    delay: int
 
 
 HAND_CONTROLLER = HandController()
@@ -304,7 +237,3 @@ LARGE_MOTION = HandController(
 """Interface of experiments whose amplitude is a stated angle of the joints, up to 0.6 rad: nearly the ideal one."""
 
 RECORDER = Recorder()
-
-# The shoulder pitch alone is printed with nk = 1.
-BUS = {name: BusTerminal() for name in JOINTS} | {"shoulder_pitch": BusTerminal(0)}
-"""Bus delay of each measured angle; the analyst identifies nk = 2 on yaw, 1 on shoulder pitch, 2 on elbow."""

@@ -12,7 +12,7 @@ from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.controller_model import controller_model
 from hmtb_twin.arm.worksite_model import LATCH_WELD, TOUCH_SENSOR, UNIT_BODY
 from hmtb_twin.control.experiment import UnitView
-from hmtb_twin.parameters.payloads import LATCH
+from hmtb_twin.parameters.worksite import LATCH
 
 END_EFFECTOR = "end_effector"
 """Body whose fingers close about the unit's fitting."""

@@ -142,7 +142,7 @@ def view(
         seed: Seed of a scenario's noise; its own when not given.
     """
     from hmtb_twin import load_arm
-    from hmtb_twin.parameters.values import OPERATING_POSE
+    from hmtb_twin.parameters.variants import OPERATING_POSE
     from hmtb_twin.run.playback import play
     from scenarios.experiments.film import load_or_simulate, viewer_module
 

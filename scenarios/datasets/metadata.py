@@ -21,7 +21,8 @@ from hmtb_twin.files.hashes import bytes_hash, file_hash
 from hmtb_twin.files.netcdf import read_netcdf
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Actuator
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, RECORDER, SAMPLE_RATE
+from hmtb_twin.parameters.values import RECORDER, SAMPLE_RATE
+from hmtb_twin.parameters.variants import JOINTS, OPERATING_POSE
 from scenarios.datasets.index import hash_of_records, paths_of_files
 from scenarios.datasets.plan import ATTAINABLE, BASELINES, BUILD, JOURNAL, LICENSE, SUMS, TRUTH, DataSetPlan
 from scenarios.datasets.record_block import PARTS, PAYLOAD

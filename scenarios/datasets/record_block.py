@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController, Plant
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.plant import ACTUATOR_FORMS, FRICTIONS
-from hmtb_twin.parameters.values import HAND_CONTROLLER, JOINTS, OPERATING_POSE, SAMPLE_RATE
+from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE
+from hmtb_twin.parameters.variants import JOINTS, OPERATING_POSE
 from scenarios.experiments.arm_tests import interface
 from scenarios.experiments.excitation_computer import Excitation
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments

@@ -8,7 +8,8 @@ import numpy as np
 
 from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.values import LARGE_MOTION, SAMPLE_RATE, SAMPLE_TIME
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from scenarios.experiments.waveform import LONGEST, check_seed
 from scenarios.files import codec
 from scenarios.files.errors import ScenarioError

@@ -8,8 +8,9 @@ import numpy as np
 import pinocchio as pin
 
 from hmtb_twin import Motion, View
-from hmtb_twin.parameters.payloads import UNIT
-from hmtb_twin.parameters.values import LINKS, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import LINKS
+from hmtb_twin.parameters.worksite import UNIT
 
 PEAK = 1.875
 """Peak speed of a minimum-jerk movement over its mean speed [FlashHogan1985]."""

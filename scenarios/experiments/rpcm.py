@@ -11,8 +11,8 @@ import numpy as np
 
 from hmtb_twin import Experiment, HandController, JointLog, Operator, Status, load_arm
 from hmtb_twin.control.modes import TOOL_AXES, axis_gains
-from hmtb_twin.parameters.payloads import SEATS, UNIT, Seat
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
+from hmtb_twin.parameters.worksite import SEATS, UNIT, Seat
 from scenarios.experiments.operator import Pose, ScriptedOperator, Step
 from scenarios.experiments.reach import ReachingOperator
 from scenarios.files.errors import ScenarioError, unknown

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hmtb_twin import Arm, JointLog, Truth, linearize, simulate
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from hmtb_twin.truth.logged_arm import logged_arm
 from scenarios.experiments.campaign import SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import SETTLING, prepared

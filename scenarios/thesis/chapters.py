@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Status
-from hmtb_twin.parameters.drives import ACTUATORS
-from hmtb_twin.parameters.values import BUS, GAINS, HAND_CONTROLLER, MOTIONS, SAMPLE_RATE, SERVOS
+from hmtb_twin.parameters.values import GAINS, HAND_CONTROLLER, SAMPLE_RATE
+from hmtb_twin.parameters.variants import ACTUATORS, BUS, MOTIONS, SERVOS
 from scenarios.experiments.campaign import RPCM, single_joint_test
 from scenarios.experiments.log_review import SETTLING
 from scenarios.experiments.registry import load, names

@@ -17,8 +17,8 @@ import numpy as np
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, HandController, JointLog, Plant, TwinError, simulate
-from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import GAINS
+from hmtb_twin.parameters.variants import ACTUATORS
 from scenarios.experiments.campaign import campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import prepared, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES

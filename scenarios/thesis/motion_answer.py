@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin import STUDIED_JOINTS
-from hmtb_twin.parameters.drives import ACTUATORS, Friction, Hydraulics
+from hmtb_twin.parameters.drives import Friction, Hydraulics
 from hmtb_twin.parameters.values import HAND_CONTROLLER
-from hmtb_twin.parameters.variants import VARIANTS
+from hmtb_twin.parameters.variants import ACTUATORS, VARIANTS
 from scenarios.report.page import Page
 from scenarios.thesis.finding import words
 from scenarios.thesis.motion import METHODS, MotionCampaign, model_numbers

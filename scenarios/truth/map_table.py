@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hmtb_twin import JOINTS, Arm, OverloadError, Truth, linearize
-from hmtb_twin.parameters.values import INDEXED_JOINTS
+from hmtb_twin.parameters.variants import INDEXED_JOINTS
 from sysid.records.arrays import Locked
 
 MOVING = tuple(name for name in JOINTS if name not in INDEXED_JOINTS)

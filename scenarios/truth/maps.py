@@ -8,7 +8,7 @@ import numpy as np
 
 from hmtb_twin import IDEAL, PAYLOADS, Arm, Plant, Truth, linearize, load_arm
 from hmtb_twin.parameters.drives import COLDEST, HOTTEST
-from hmtb_twin.parameters.values import MOTIONS
+from hmtb_twin.parameters.variants import MOTIONS
 from scenarios.experiments.multisines import Multisines
 from scenarios.files.errors import ScenarioError
 from scenarios.truth.best_linear import BestLinearTruth, measured_best_linear, slow_gain

@@ -94,21 +94,30 @@ def joint_notes(summary: TruthSummary) -> list[str]:
 
 
 def _assumed_notes(summary: TruthSummary) -> list[str]:
-    """What the files of an arm leave out, and a rule supplied; nothing of the arms of the test bed."""
+    """What is assumed of an arm, by a rule or by its own files; nothing of the arms of the test bed."""
     arm = summary.arm.description
-    by_parameter: dict[str, list[Provenance]] = {}
+    by_parameter: dict[tuple[str, str], list[Provenance]] = {}
     for row in arm.assumed:
-        by_parameter.setdefault(row.parameter, []).append(row)
+        by_parameter.setdefault((row.parameter, row.source), []).append(row)
     notes = []
     if by_parameter:
-        notes.append(f"Assumed, as the files of {arm.name} do not say it; an arm.toml beside them would:")
-    for parameter, rows in by_parameter.items():
+        # A file of the test bed says itself that its numbers are assumed.
+        why = "as its files say" if arm.links else "as its files do not say it; an arm.toml beside them would"
+        notes.append(f"Assumed of {arm.name}, {why}:")
+    for (parameter, source), rows in by_parameter.items():
         # Most rules give each joint a number of its own.
-        values = ", ".join(dict.fromkeys(f"{row.value:.3g}" for row in rows))
-        joints = "all joints" if len(rows) == len(arm.joints) else ", ".join(row.owner for row in rows)
+        values = ", ".join(dict.fromkeys(map(_number, rows)))
+        owners = [row.owner for row in rows]
+        joints = "all joints" if set(owners) == set(arm.joints) else ", ".join(owners)
         unit = "" if rows[0].unit == "1" else f" {rows[0].unit}"
-        notes.append(f"  {parameter} of {joints}: {values}{unit} ({rows[0].source})")
+        notes.append(f"  {parameter} of {joints}: {values}{unit} ({source})")
     return notes + [f"Read from its files: {remark}" for remark in arm.remarks]
+
+
+def _number(row: Provenance) -> str:
+    """A number of a description in three digits, or the sides of a box."""
+    sides = row.value if isinstance(row.value, tuple) else (row.value,)
+    return " x ".join(f"{side:.3g}" for side in sides)
 
 
 def _innovations_note(summary: TruthSummary) -> str:

@@ -14,7 +14,8 @@ from scipy.signal import lfilter
 
 import sysid
 from hmtb_twin import STUDIED_JOINTS, linearize, load_arm
-from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS, SAMPLE_TIME
+from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_TIME
+from hmtb_twin.parameters.variants import MOTIONS
 from scenarios.experiments.excitation import prbs
 from tests.benchmarks.tables import heading, options, row, timed
 

@@ -31,7 +31,8 @@ import numpy as np
 from hmtb_twin import JOINTS, PAYLOADS, VARIANTS, Plant, Specimen, TwinError, load_arm
 from hmtb_twin.parameters.plant import FLATTEST, FRICTIONS, LEAST_PRESLIDING, STIFFEST
 from hmtb_twin.parameters.specimen import DEVIATIONS, LENGTHS, OIL
-from hmtb_twin.parameters.values import MOTIONS, POSES, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import MOTIONS, POSES
 from tests.benchmarks.tables import heading, options, row
 from tests.hmtb_twin.test_independent_arm import simulated
 from tests.independent_arm import IndependentArm

@@ -18,9 +18,8 @@ import numpy as np
 
 from hmtb_twin import JOINTS, OverloadError, Plant, linearize, load_arm
 from hmtb_twin.hydraulics import valve_equations as eq
-from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
-from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
+from hmtb_twin.parameters.variants import INDEXED_JOINTS, OPERATING_POSE, PAYLOADS
 from tests.benchmarks.tables import heading, row
 from tests.hmtb_twin.altered_arms import natural_poles, with_valve
 

@@ -13,7 +13,7 @@ from hmtb_twin.arm import controller_model as controllers
 from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.parameters.specimen import LINK_NAMES
 from hmtb_twin.parameters.specimen_draw import Distribution, TwinDistributions, draw_specimen
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from scenarios import load
 from tests.benchmarks.tables import bare_seconds, timed
 

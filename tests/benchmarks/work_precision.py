@@ -17,7 +17,8 @@ import mujoco
 import numpy as np
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from tests.benchmarks.tables import heading, row, timed
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 

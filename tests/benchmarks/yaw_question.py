@@ -16,18 +16,9 @@ from scipy.signal import cont2discrete, dlsim, lfilter
 import sysid
 from docs.images.published_servos import YAW_PLANE, coupled
 from hmtb_twin import simulate
-from hmtb_twin.parameters.drives import YawFriction
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
-from hmtb_twin.parameters.values import (
-    BUS,
-    GAINS,
-    HAND_CONTROLLER,
-    JOINTS,
-    RECORDER,
-    SAMPLE_TIME,
-    SERVOS,
-    HandController,
-)
+from hmtb_twin.parameters.values import GAINS, HAND_CONTROLLER, RECORDER, SAMPLE_TIME, HandController
+from hmtb_twin.parameters.variants import ACTUATORS, BUS, JOINTS, SERVOS
 from scenarios import Scenario, load
 from scenarios.experiments.log_review import settled
 from scenarios.truth.published import EQUATIONS
@@ -151,7 +142,9 @@ def integrating(data, seed):
 NOMINAL, SLOW = Record(), Record("published")
 
 
-YAW_FRICTION = 100.0 * YawFriction.coulomb  # dry friction of the nominal yaw, percent of the maximum torque
+YAW_FRICTION = (
+    100.0 * ACTUATORS["shoulder_yaw"].friction.coulomb
+)  # dry friction of the nominal yaw, percent of the maximum torque
 
 
 def rubbing(percent):

@@ -10,7 +10,8 @@ from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.drive_actuators import valve_parameters
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import MOTIONS, OPERATING_POSE
 from hmtb_twin.truth.linearization import sample_map, sliding
 from sysid import StateSpace
 

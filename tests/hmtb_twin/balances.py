@@ -10,7 +10,8 @@ from scipy.integrate import simpson
 from hmtb_twin import JOINTS
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
-from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import OPERATING_POSE
 
 
 @dataclass(frozen=True)

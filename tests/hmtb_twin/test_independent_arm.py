@@ -8,7 +8,8 @@ import pinocchio as pin
 import pytest
 
 from hmtb_twin import JOINTS, PAYLOADS, VARIANTS, Plant, Specimen, linearize, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from tests.hmtb_twin.altered_arms import at_step
 from tests.independent_arm import IndependentArm, rigid_bodies
 

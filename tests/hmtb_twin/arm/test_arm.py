@@ -9,10 +9,8 @@ import pytest
 from hmtb_twin import JOINTS, POSES, VARIANTS, linearize, load_arm
 from hmtb_twin.arm.arm_model import servo_gains
 from hmtb_twin.arm.rendering import scene_model
-from hmtb_twin.parameters.drives import ACTUATORS
-from hmtb_twin.parameters.payloads import PAYLOADS
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import LINKS, MOTIONS, SERVOS
+from hmtb_twin.parameters.variants import ACTUATORS, LINKS, MOTIONS, PAYLOADS, SERVOS
 from tests.hmtb_twin.altered_arms import LOWER, UPPER
 from tests.refusals import refused
 

@@ -9,7 +9,8 @@ import pytest
 
 from hmtb_twin import Load, linearize, load_arm
 from hmtb_twin.arm.rendering import scene_model
-from hmtb_twin.parameters.payloads import PAYLOADS, Payload, load_of
+from hmtb_twin.parameters.payloads import Payload, load_of
+from hmtb_twin.parameters.variants import PAYLOADS
 from tests.refusals import refused
 
 ODD = Load(3.7, (0.11, -0.02, 0.05), (0.021, 0.034, 0.027, 0.004, -0.002, 0.003))

@@ -7,8 +7,9 @@ import pytest
 from hmtb_twin import IDEAL, Motion, Status, linearize, load_arm, simulate
 from hmtb_twin.arm.worksite_model import LATCH_WELD, UNIT_BODY
 from hmtb_twin.control.modes import TOOL_AXES
-from hmtb_twin.parameters.payloads import LATCH, SEATS, UNIT
-from hmtb_twin.parameters.values import JOINTS, OPERATING_POSE, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import JOINTS, OPERATING_POSE
+from hmtb_twin.parameters.worksite import LATCH, SEATS, UNIT
 from tests.hmtb_twin.altered_arms import at_step
 
 WEIGHT = 9.81 * UNIT.mass

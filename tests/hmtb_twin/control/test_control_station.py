@@ -6,8 +6,8 @@ import pytest
 
 from hmtb_twin import IDEAL, JOINTS, Chain, Motion, Status, load_arm, simulate
 from hmtb_twin.control.hand_controller import HandControllerInterface, deflection, pickup
-from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.values import HAND_CONTROLLER, RECORDER
+from hmtb_twin.parameters.variants import ACTUATORS
 from scenarios import Scenario
 from tests.hmtb_twin.altered_arms import LOWER, UPPER, equal
 from tests.refusals import refused

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JointLog, Status, TwinError, simulate
-from hmtb_twin.parameters.values import JOINTS, MOTIONS
+from hmtb_twin.parameters.variants import JOINTS, MOTIONS
 from hmtb_twin.run.live_run import LiveRun
 from tests.hmtb_twin.altered_arms import UPPER, equal
 

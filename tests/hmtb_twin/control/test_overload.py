@@ -3,7 +3,7 @@ import pytest
 from scipy.optimize import brentq
 
 from hmtb_twin import JOINTS, OverloadError, Plant, linearize, load_arm
-from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE
+from hmtb_twin.parameters.variants import MOTIONS, OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import linear_hydraulics
 from hmtb_twin.truth.linearization import CLEARANCE
 

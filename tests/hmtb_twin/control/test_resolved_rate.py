@@ -5,7 +5,8 @@ import pytest
 from hmtb_twin.control.bounded_qp import bounded_step
 from hmtb_twin.control.resolved_rate import CLEARANCE, ResolvedRate
 from hmtb_twin.control.tool_kinematics import ToolKinematics
-from hmtb_twin.parameters.values import JOINTS, MOTIONS, POSES, SAMPLE_TIME
+from hmtb_twin.parameters.values import SAMPLE_TIME
+from hmtb_twin.parameters.variants import JOINTS, MOTIONS, POSES
 from tests.hmtb_twin.altered_arms import LOWER, UPPER
 from tests.refusals import refused
 

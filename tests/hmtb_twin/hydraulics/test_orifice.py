@@ -16,10 +16,9 @@ from hmtb_twin.hydraulics.drive_actuators import (
     drive_parameters,
     valve_parameters,
 )
-from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.servo_gains import ServoGains
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, SERVO_VALVE
-from hmtb_twin.parameters.values import INDEXED_JOINTS, OPERATING_POSE
+from hmtb_twin.parameters.variants import ACTUATORS, INDEXED_JOINTS, OPERATING_POSE
 from tests.hmtb_twin.altered_arms import natural_poles, with_valve
 from tests.hmtb_twin.balances import binary, orifice_balances
 from tests.refusals import refused

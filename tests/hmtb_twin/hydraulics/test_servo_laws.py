@@ -12,11 +12,11 @@ from hmtb_twin import JOINTS, PAYLOADS, POSES, OverloadError, Plant, linearize, 
 from hmtb_twin.arm.arm_model import tuned_gains
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.drive_actuators import drive_parameters
-from hmtb_twin.parameters.drives import ACTUATORS, Friction
+from hmtb_twin.parameters.drives import Friction
 from hmtb_twin.parameters.servo_gains import servo_dynamics
 from hmtb_twin.parameters.servo_valve import SERVO_VALVE
-from hmtb_twin.parameters.values import HAND_CONTROLLER, OPERATING_POSE
-from hmtb_twin.parameters.variants import VARIANTS
+from hmtb_twin.parameters.values import HAND_CONTROLLER
+from hmtb_twin.parameters.variants import ACTUATORS, OPERATING_POSE, VARIANTS
 from tests.hmtb_twin.altered_arms import natural_poles
 from tests.refusals import refused
 

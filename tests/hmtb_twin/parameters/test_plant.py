@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm, simulate
-from hmtb_twin.parameters.drives import (
-    ACTUATORS,
-    COLDEST,
-    HOTTEST,
-    RATED_PRESSURE,
-    kinematic_viscosity,
-    relative_viscosity,
-)
+from hmtb_twin.parameters.drives import COLDEST, HOTTEST, RATED_PRESSURE, kinematic_viscosity, relative_viscosity
+from hmtb_twin.parameters.variants import ACTUATORS
 from hmtb_twin.truth.analytic_hydraulics import linear_hydraulics
 from tests.hmtb_twin.altered_arms import at_step
 from tests.refusals import refused

@@ -1,12 +1,15 @@
 """The gains of both servo laws are those that docs/physics.md states."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Plant, load_arm
 from hmtb_twin.arm.controller_model import controller_model
-from hmtb_twin.parameters.servo_gains import servo_dynamics
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.servo_gains import flow_gains, servo_dynamics
+from hmtb_twin.parameters.variants import OPERATING_POSE
+from tests.refusals import refused
 
 VARIANTS = pytest.mark.parametrize("variant", ["nominal", "published"])
 
@@ -54,3 +57,15 @@ def test_damping_of_the_oil_under_a_flow_servo():
     rolls = damping.pop("wrist_roll"), damping.pop("shoulder_roll")
     assert rolls == pytest.approx((0.5, 0.4), abs=0.05)
     assert min(damping.values()) == pytest.approx(0.7, abs=0.01)
+
+
+def test_a_wanted_pole_that_the_oil_cannot_have_as_the_slowest_is_refused():
+    arm = load_arm()
+    drive, servo = arm.drives["elbow_pitch"], arm.servos["elbow_pitch"]
+    inertia = arm.inertia(arm.pose(OPERATING_POSE))[3, 3]
+    # Up to here the wanted pole is the slowest one.
+    for wanted in (-2.0, -6.7, -9.0):
+        gains = flow_gains(inertia, replace(servo, slow_pole=wanted), drive)
+        poles = np.linalg.eigvals(servo_dynamics(inertia, drive.drag, drive.motor, gains))
+        assert poles.real.max() == pytest.approx(wanted, rel=1e-6)
+    refused("has another one at -9.39 rad/s", flow_gains, inertia, replace(servo, slow_pole=-10.0), drive)

@@ -12,10 +12,10 @@ from hmtb_twin import JOINTS, NOMINAL_SPECIMEN, OverloadError, Plant, Specimen, 
 from hmtb_twin.arm.controller_model import ControllerModel
 from hmtb_twin.arm.rigid_bodies import BODIES
 from hmtb_twin.control.experiment import IDEAL
-from hmtb_twin.parameters.drives import ACTUATORS
 from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.specimen import FARTHEST, LENGTHS, LINK_NAMES
-from hmtb_twin.parameters.values import LINKS, OPERATING_POSE, RECORDER
+from hmtb_twin.parameters.values import RECORDER
+from hmtb_twin.parameters.variants import ACTUATORS, LINKS, OPERATING_POSE
 from hmtb_twin.run.simulation import simulate
 from hmtb_twin.truth.linearization import sliding, small_signal_error
 from tests.refusals import refused

@@ -10,12 +10,12 @@ from hmtb_twin import IDEAL, JOINTS, POSES, STUDIED_JOINTS, Plant, TwinError, li
 from hmtb_twin.arm.rigid_bodies import BODIES
 from hmtb_twin.control.modes import axis_names
 from hmtb_twin.hydraulics.drive_actuators import add_linear_drives
-from hmtb_twin.parameters.provenance import markdown, provenance, provenance_table
+from hmtb_twin.parameters.provenance import markdown, provenance_table
 from hmtb_twin.parameters.quantity import TAGS, quantity
 from hmtb_twin.parameters.resources import model_file, models_directory
 from hmtb_twin.parameters.servo_gains import ServoGains
-from hmtb_twin.parameters.values import HAND_CONTROLLER, LINKS, PIN, SERVOS
-from hmtb_twin.parameters.variants import FLIGHT_DRIVES, FLIGHT_LINKS, PUBLISHED_ACTUATORS, PUBLISHED_SERVOS
+from hmtb_twin.parameters.values import HAND_CONTROLLER, PIN
+from hmtb_twin.parameters.variants import LINKS, NUMBERS, SERVOS, VARIANTS
 from hmtb_twin.truth.linearization import linear
 from tests.refusals import refused
 
@@ -29,7 +29,7 @@ def test_links_are_the_ground_arms_but_lighter_in_plant_and_controller(flight, a
     np.testing.assert_array_equal(flight.model.body_pos, arm.model.body_pos)
     np.testing.assert_array_equal(flight.model.site_pos, arm.model.site_pos)
     assert flight.model.body_mass.sum() < 0.6 * arm.model.body_mass.sum()
-    for name, link in FLIGHT_LINKS.items():
+    for name, link in VARIANTS["flight"].links.items():
         body = flight.model.body(BODIES[name])
         assert link.length == LINKS[name].length
         assert body.mass[0] == link.mass
@@ -69,7 +69,7 @@ def test_arm_is_twice_as_fast_as_the_ground_arm(flight, truth):
 
 def test_drive_obeys_the_equations_of_a_geared_motor():
     """A joint against its equations in closed form: L di/dt = v - R i - K w, J dw/dt = K i."""
-    drive = replace(FLIGHT_DRIVES["elbow_pitch"], friction=None)
+    drive = replace(VARIANTS["flight"].actuators["elbow_pitch"], friction=None)
     motor, inertia, voltage = drive.motor, 4.0, 3.0
     spec = mujoco.MjSpec()
     spec.option.gravity, spec.option.timestep = [0.0, 0.0, 0.0], 0.0005
@@ -94,25 +94,29 @@ def test_drive_obeys_the_equations_of_a_geared_motor():
 def test_drives_have_their_limits_friction_and_noise_and_the_record_holds_currents(flight, experiment, tmp_path):
     worn = load_arm("flight", plant=Plant(friction_level=3.0, process_noise=0.01))
     for name, fastest in zip(JOINTS, flight.velocity_limits, strict=True):
-        drive = FLIGHT_DRIVES[name]
+        drive = VARIANTS["flight"].actuators[name]
         # The bus is good for the largest current at the fastest command.
         assert drive.bus_voltage > drive.motor.constant * fastest + drive.resistance * drive.largest_current
         assert worn.drives[name].coulomb_torque == pytest.approx(3.0 * flight.drives[name].coulomb_torque)
         assert worn.drives[name].drag == flight.drives[name].drag
-    np.testing.assert_allclose(worn.process_noise, [0.01 * FLIGHT_DRIVES[name].rated_torque for name in JOINTS])
+    np.testing.assert_allclose(
+        worn.process_noise, [0.01 * VARIANTS["flight"].actuators[name].rated_torque for name in JOINTS]
+    )
     truth = linearize(worn, amplitudes=())
     assert np.abs(np.linalg.eigvals(truth.model.A - truth.model.K @ truth.model.C)).max() < 1.0
     smooth = load_arm("flight", friction=False)
     data = smooth.rest(flight.pose("home"))
     data.ctrl[2] += 1.0
     mujoco.mj_step(smooth.model, data, nstep=round(0.01 / smooth.model.opt.timestep))
-    assert data.actuator_force[2] == pytest.approx(FLIGHT_DRIVES["shoulder_yaw"].maximum_torque, rel=1e-3)
+    assert data.actuator_force[2] == pytest.approx(
+        VARIANTS["flight"].actuators["shoulder_yaw"].maximum_torque, rel=1e-3
+    )
     log = simulate([experiment(variant="flight", duration=1.0, plant=Plant(friction="none"))])[0]
     assert log.provenance["drives"] == "electric"
     with xr.open_dataset(log.save(tmp_path / "flight.nc")) as stored:
         assert stored["load_pressure"].attrs["units"] == "A"
     # At the first ticks the joint takes off: the current is what the torque command asks for.
-    assert 0.1 < np.abs(log.load_pressure[:, 3]).max() < FLIGHT_DRIVES["elbow_pitch"].largest_current
+    assert 0.1 < np.abs(log.load_pressure[:, 3]).max() < VARIANTS["flight"].actuators["elbow_pitch"].largest_current
 
 
 def test_tests_of_the_thesis_leave_the_arm_nearly_linear(experiment):
@@ -158,13 +162,12 @@ def test_bandwidths_gain_at_rest_and_delays(slow, truth):
 
 
 def test_numbers_that_differ_are_derived():
-    changed = {name: servo for name, servo in PUBLISHED_SERVOS.items() if servo != SERVOS[name]}
-    assert set(changed) == {*STUDIED_JOINTS, "wrist_pitch"}
+    servos = VARIANTS["published"].servos
+    assert {name for name in JOINTS if servos[name] != SERVOS[name]} == {*STUDIED_JOINTS, "wrist_pitch"}
+    tags = {(line.owner, line.parameter): line.tag for line in NUMBERS["published"]}
     for name in STUDIED_JOINTS:
-        tags = {line.parameter: line.tag for line in provenance(name, changed[name])}
-        assert tags["slow_pole"] == tags["fast_pole"] == "derived"
-    friction = PUBLISHED_ACTUATORS["shoulder_yaw"].friction
-    assert [line.tag for line in provenance("friction", friction) if line.parameter == "coulomb"] == ["derived"]
+        assert tags[name, "slow pole"] == tags[name, "fast pole"] == "derived"
+    assert tags["shoulder_yaw", "coulomb part"] == "derived"
     # Seals let every joint through the smallest test.
     for arm in map(load_arm, ("published", "nominal")):
         zones = {name: arm.drives[name].breakaway_torque / arm.gains[name].kp for name in JOINTS[1:]}

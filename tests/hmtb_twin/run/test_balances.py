@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, Plant, load_arm
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from tests.hmtb_twin.balances import binary, linear_balances
 
 OIL, ENERGY = 1e-7, 1e-6

@@ -11,7 +11,8 @@ from mujoco import batch
 from hmtb_twin import IDEAL, JOINTS, Motion, OverloadError, Plant, Specimen, Status, TwinError, load_arm, simulate
 from hmtb_twin.arm.arm import _load
 from hmtb_twin.control.experiment import Chain
-from hmtb_twin.parameters.values import MOTIONS, RECORDER
+from hmtb_twin.parameters.values import RECORDER
+from hmtb_twin.parameters.variants import MOTIONS
 from tests.hmtb_twin.altered_arms import equal
 from tests.refusals import refused
 

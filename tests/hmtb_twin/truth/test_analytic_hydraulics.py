@@ -17,7 +17,7 @@ from scipy.linalg import expm
 from hmtb_twin import JOINTS, Plant, load_arm
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.parameters.drives import Actuator
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from hmtb_twin.truth.analytic_hydraulics import LinearHydraulics, linear_hydraulics
 from hmtb_twin.truth.linearization import sample_map
 from tests.refusals import refused

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import JOINTS, STUDIED_JOINTS, Plant, linearize, load_arm
-from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
+from hmtb_twin.parameters.variants import MOTIONS, OPERATING_POSE, POSES
 from hmtb_twin.truth import linearization
 from hmtb_twin.truth.linearization import CLEARANCE, SPOOL_STEP, STEP, linear, simulated, small_signal_error
 from tests.refusals import refused

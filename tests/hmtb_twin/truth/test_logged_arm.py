@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hmtb_twin import POSES, JointLog, Plant, Specimen, TwinError, linearize, load_arm, simulate
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from hmtb_twin.truth.logged_arm import check_truth, logged_arm
 from scenarios import load
 from scenarios.experiments.scenario import Scenario

@@ -6,7 +6,7 @@ import mujoco
 import pytest
 
 from hmtb_twin import VARIANTS, Plant, Specimen, linearize, load_arm
-from hmtb_twin.parameters.payloads import PAYLOADS
+from hmtb_twin.parameters.variants import PAYLOADS
 from tests.hmtb_twin.altered_arms import at_step, bandwidths
 
 ARMS = [

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hmtb_twin.parameters.values import joint_index
+from hmtb_twin.parameters.variants import joint_index
 from hmtb_twin.run.experiment_row import experiment_arm
 from hmtb_twin.truth.linearization import simulated
 from scenarios.datasets.attainable_scores import attainable_files

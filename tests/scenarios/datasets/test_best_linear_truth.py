@@ -7,7 +7,8 @@ import pytest
 
 from hmtb_twin.control.control_station import ControlStation
 from hmtb_twin.files.netcdf import read_netcdf
-from hmtb_twin.parameters.values import LARGE_MOTION, joint_index
+from hmtb_twin.parameters.values import LARGE_MOTION
+from hmtb_twin.parameters.variants import joint_index
 from hmtb_twin.run.experiment_row import experiment_arm
 from scenarios.datasets import best_linear_truth
 from scenarios.datasets.arm_truth import arm_truth

@@ -14,7 +14,8 @@ from PIL import Image
 from hmtb_twin import JointLog, TwinError, load_arm, render, simulate
 from hmtb_twin.arm.rendering import Stage
 from hmtb_twin.parameters.resources import model_file
-from hmtb_twin.parameters.values import LARGE_MOTION, OPERATING_POSE
+from hmtb_twin.parameters.values import LARGE_MOTION
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from hmtb_twin.run.playback import frame_times, frames, play
 from scenarios import Excitation, Scenario
 from scenarios.experiments.film import load_or_simulate, write_film

@@ -8,8 +8,8 @@ import pytest
 import hmtb_twin
 from hmtb_twin import Status, View
 from hmtb_twin.control.experiment import UnitView
-from hmtb_twin.parameters.payloads import SEATS, UNIT
-from hmtb_twin.parameters.values import JOINTS, LINKS, MOTIONS
+from hmtb_twin.parameters.variants import JOINTS, LINKS, MOTIONS
+from hmtb_twin.parameters.worksite import SEATS, UNIT
 from scenarios import load
 from scenarios.experiments.operator import GRAVITY, PEAK, ScriptedOperator, Skill, Step, Submovement
 from scenarios.experiments.rpcm import PHASES, approach_point, rpcm_outcome

@@ -3,7 +3,7 @@ import numpy as np
 
 from hmtb_twin import load_arm
 from hmtb_twin.arm.rendering import scene_model
-from hmtb_twin.parameters.values import OPERATING_POSE
+from hmtb_twin.parameters.variants import OPERATING_POSE
 from hmtb_twin.run.live_run import Frame
 
 

@@ -1,7 +1,7 @@
 """What was put in from the thesis is told with the arm's own numbers."""
 
-from hmtb_twin.parameters.drives import ACTUATORS
-from hmtb_twin.parameters.values import HAND_CONTROLLER, SERVOS
+from hmtb_twin.parameters.values import HAND_CONTROLLER
+from hmtb_twin.parameters.variants import ACTUATORS, SERVOS
 from scenarios.thesis.chapters import assumed_values
 from scenarios.thesis.finding import CLAIMS
 

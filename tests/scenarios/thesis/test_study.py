@@ -8,7 +8,8 @@ import pytest
 
 import sysid
 from hmtb_twin import JOINTS, STUDIED_JOINTS, linearize, load_arm
-from hmtb_twin.parameters.values import HAND_CONTROLLER, MOTIONS
+from hmtb_twin.parameters.values import HAND_CONTROLLER
+from hmtb_twin.parameters.variants import MOTIONS
 from scenarios.experiments.campaign import NOMINAL, RPCM, SINGLE_JOINT, Condition, campaign_scenario, single_joint_test
 from scenarios.experiments.log_review import SETTLING, prepared, swing, velocity_limited_share
 from scenarios.experiments.model_structures import STRUCTURES

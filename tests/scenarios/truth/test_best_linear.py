@@ -6,7 +6,8 @@ from scipy.stats import binom, kstest
 
 from hmtb_twin import STUDIED_JOINTS, Chain, Plant, Specimen, linearize, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import LARGE_MOTION, joint_index
+from hmtb_twin.parameters.values import LARGE_MOTION
+from hmtb_twin.parameters.variants import joint_index
 from scenarios import load
 from scenarios.experiments.campaign import Condition, campaign_scenario
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments

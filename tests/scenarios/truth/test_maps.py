@@ -16,7 +16,7 @@ from hmtb_twin import (
     linearize,
     load_arm,
 )
-from hmtb_twin.parameters.values import MOTIONS, OPERATING_POSE, POSES
+from hmtb_twin.parameters.variants import MOTIONS, OPERATING_POSE, POSES
 from scenarios.experiments.multisines import Multisines
 from scenarios.truth.map_figures import map_figures, write_maps
 from scenarios.truth.map_findings import findings, turns_within
