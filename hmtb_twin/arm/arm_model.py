@@ -7,14 +7,13 @@ import mujoco
 import numpy as np
 
 from hmtb_twin.arm.controller_model import model_of_controller
-from hmtb_twin.arm.rigid_bodies import write_bodies
+from hmtb_twin.arm.rigid_bodies import spec_of_test_bed, write_bodies
 from hmtb_twin.arm.worksite_model import TOUCH_SENSOR, worksite_spec
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.hydraulics.drive_actuators import ORIFICE_STEP, add_linear_drives, add_orifice_actuators
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.plant import NOMINAL_PLANT, Plant
-from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.servo_gains import ServoGains, gains_for_slope, servo_gains
 from hmtb_twin.parameters.specimen import Specimen
 from hmtb_twin.parameters.values import HAND_CONTROLLER, PIN
@@ -81,10 +80,8 @@ def _spec(variant: ArmDescription, payload: str, plant: Plant, specimen: Specime
         write_bodies(bodies, variant, payload, specimen)
         bodies.option.timestep = variant.sample_time / ceil(variant.sample_time / LONGEST_STEP)
         return bodies
-    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/hmtb.xml")))
-    for key in list(spec.keys):
-        # The activations of keyframes would not fit an arm without friction; `Arm.rest` computes the same state.
-        spec.delete(key)
+    # Without keyframes: `Arm.rest` computes states that fit any drives.
+    spec = spec_of_test_bed("hmtb.xml")
     write_bodies(spec, variant, payload, specimen)
     # Nothing touches in free space, and pictures have a model of their own: shapes would cost a tenth of a step.
     for shape in (*spec.geoms, *spec.cameras):

@@ -11,9 +11,8 @@ import numpy as np
 
 from hmtb_twin.arm.arm import Arm
 from hmtb_twin.arm.arm_scene import arm_scene, pose_scene
-from hmtb_twin.arm.rigid_bodies import write_bodies
+from hmtb_twin.arm.rigid_bodies import spec_of_test_bed, write_bodies
 from hmtb_twin.files.errors import TwinError
-from hmtb_twin.parameters.resources import model_file
 
 NO_OPENGL = (
     "no OpenGL here, so no picture of the arm; on Debian or Ubuntu install libegl1 and libgl1-mesa-dri or a display"
@@ -30,10 +29,8 @@ def scene_model(arm: Arm) -> mujoco.MjModel:
         return arm.model
     if arm.description.rigid is not None:
         return arm_scene(arm)
-    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
-    for key in list(spec.keys):
-        # Its controls and activations would not fit a model without the unit, and a picture needs angles only.
-        spec.delete(key)
+    # A picture needs angles only.
+    spec = spec_of_test_bed("scene.xml")
     write_bodies(spec, arm.description, arm.payload, arm.specimen)
     return spec.compile()
 

@@ -9,9 +9,13 @@ import numpy as np
 from hmtb_twin.arm_files.rigid_arm import PAYLOAD_BODY
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.payloads import Load, Payload
+from hmtb_twin.parameters.resources import model_file
 from hmtb_twin.parameters.specimen import LINK_NAMES, NOMINAL_SPECIMEN, Specimen
 from hmtb_twin.parameters.values import Link
 from hmtb_twin.parameters.variants import JOINTS, LINKS, PAYLOADS
+
+COLLISION_GROUP = 3
+"""Group of the shapes that only collide."""
 
 UNIT = "rpcm"
 """Name of the payload's body."""
@@ -36,6 +40,29 @@ BODIES = dict(
     )
 )
 """The body that is each link."""
+
+
+def spec_of_test_bed(name: str) -> mujoco.MjSpec:
+    """Return a model file of the test bed as the laboratory builds on it.
+
+    The file serves viewers and other tools, too: shapes that collide, a pin as a constraint, keyframes of its own
+    drives. The laboratory has its own pin, drives and contact, and needs none of them.
+
+    Args:
+        name: Name of the file in `models/hmtb`.
+    """
+    spec = mujoco.MjSpec.from_file(str(model_file(f"hmtb/{name}")))
+    for key in list(spec.keys):
+        spec.delete(key)
+    for constraint in list(spec.equalities):
+        spec.delete(constraint)
+    for pair in list(spec.excludes):
+        spec.delete(pair)
+    for shape in list(spec.geoms):
+        if shape.group == COLLISION_GROUP:
+            spec.delete(shape)
+    spec.option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    return spec
 
 
 def write_bodies(

@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from hmtb_twin.arm.rigid_bodies import COLLISION_GROUP
 from hmtb_twin.arm_files.rigid_arm import TOOL_SITE
 from hmtb_twin.files.atomic_write import write_whole
 from hmtb_twin.files.errors import TwinError
@@ -70,13 +71,13 @@ def _add_link(robot: ElementTree.Element, model: mujoco.MjModel, body: int) -> N
         ElementTree.SubElement(inertial, "inertia", {**moments, "ixy": "0", "ixz": "0", "iyz": "0"})
     first = int(model.body_geomadr[body])
     for geom in range(first, first + int(model.body_geomnum[body])):
+        use = "collision" if model.geom_group[geom] == COLLISION_GROUP else "visual"
         for position, quaternion, tag, size in _shapes(model, geom):
-            for use in ("visual", "collision"):
-                part = ElementTree.SubElement(link, use)
-                _add_origin(part, position, quaternion)
-                ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), tag, size)
-                if use == "visual":
-                    _add_colour(part, model, geom)
+            part = ElementTree.SubElement(link, use)
+            _add_origin(part, position, quaternion)
+            ElementTree.SubElement(ElementTree.SubElement(part, "geometry"), tag, size)
+            if use == "visual":
+                _add_colour(part, model, geom)
 
 
 def _add_joint(robot: ElementTree.Element, model: mujoco.MjModel, body: int, arm: ArmDescription) -> None:

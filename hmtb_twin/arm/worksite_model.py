@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from hmtb_twin.parameters.resources import model_file
+from hmtb_twin.arm.rigid_bodies import spec_of_test_bed
 from hmtb_twin.parameters.variants import LINKS
 from hmtb_twin.parameters.worksite import LATCH, TOUCH, UNIT
 
@@ -29,9 +29,7 @@ def worksite_spec(timestep: float) -> mujoco.MjSpec:
     Returns:
         The scene, its keyframes left out: their state would not fit the free body.
     """
-    spec = mujoco.MjSpec.from_file(str(model_file("hmtb/scene.xml")))
-    for key in list(spec.keys):
-        spec.delete(key)
+    spec = spec_of_test_bed("scene.xml")
     spec.option.timestep = timestep
     # Beside the inertia of the pin the default would end the search for contact forces too early for a light joint.
     spec.option.tolerance = 1e-16

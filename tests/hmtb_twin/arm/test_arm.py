@@ -24,9 +24,15 @@ def test_model_file_holds_the_numbers_of_the_parameters(written, arm):
     assert tuple(written.joint(i).name for i in range(written.njnt)) == JOINTS
     np.testing.assert_allclose(written.jnt_range, [[MOTIONS[j].lower, MOTIONS[j].upper] for j in JOINTS], rtol=1e-7)
     body = ("body_mass", "body_inertia", "body_ipos", "body_pos")
-    joint = ("jnt_range", "jnt_stiffness", "dof_damping", "dof_armature")
-    for field in (*body, *joint):
+    for field in (*body, "jnt_range"):
         np.testing.assert_allclose(getattr(written, field), getattr(arm.model, field), rtol=1e-7, atol=1e-12)
+    # The file has a constraint for a pin, the laboratory a stiff spring.
+    drags = [arm.drives[name].drag for name in JOINTS]
+    np.testing.assert_allclose(written.dof_damping, drags, rtol=1e-7)
+    np.testing.assert_allclose(written.dof_damping[1:], arm.model.dof_damping[1:], rtol=1e-7)
+    for field in ("jnt_stiffness", "dof_armature"):
+        assert not getattr(written, field).any()
+        assert not getattr(arm.model, field)[1:].any()
 
 
 def test_model_file_holds_drives_like_those_of_the_parameters(arm):
@@ -86,7 +92,39 @@ def test_keyframes_hold_the_arm_under_gravity(written):
         for _ in range(100):
             mujoco.mj_step(written, data, nstep=100)
             assert np.degrees(np.abs(data.qpos - angles).max()) < 0.01, name
+            # The pin holds, and nothing touches but what a user puts in the way.
+            assert abs(data.qpos[0]) < 1e-5
+            assert data.ncon == 0
         assert not any(warning.number for warning in data.warning)
+
+
+def test_shapes_of_the_model_file_touch_each_other_where_the_arm_folds(written):
+    data = mujoco.MjData(written)
+    visual, collision = (written.geom_group == group for group in (2, 3))
+    assert visual.sum() + collision.sum() == written.ngeom
+    assert (written.geom_contype[visual] == 0).all() and (written.geom_contype[collision] == 1).all()
+    # Shapes that collide lie within those that are seen, body by body.
+    assert set(written.geom_bodyid[collision]) == set(written.geom_bodyid[visual])
+    rng = np.random.default_rng(0)
+    free, touched = 0, set()
+    for _ in range(300):
+        data.qpos[:] = rng.uniform(written.jnt_range[:, 0], written.jnt_range[:, 1])
+        data.qpos[0] = 0.0
+        mujoco.mj_forward(written, data)
+        free += data.ncon == 0
+        touched |= {written.body(written.geom_bodyid[contact.geom1]).name for contact in data.contact}
+    # Most poses are free, and not all.
+    assert 150 < free < 300
+    assert {"world", "upper_arm"} <= touched
+
+
+def test_the_laboratory_keeps_its_own_pin_drives_and_contact(arm):
+    assert arm.model.ngeom == 0
+    assert arm.model.neq == 0
+    assert arm.model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CONTACT
+    worksite = load_arm(worksite=True).model
+    assert not (worksite.geom_group == 3).any()
+    assert worksite.neq == 1
 
 
 def test_noise_over_the_control_range_raises_no_engine_warning(arm):
