@@ -7,6 +7,7 @@ from typing import Any, ClassVar, get_type_hints
 import numpy as np
 
 from hmtb_twin import NOMINAL_PLANT, NOMINAL_SPECIMEN, Chain, Experiment, HandController, Operator, Plant, Specimen
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import LARGE_MOTION, SAMPLE_RATE, SAMPLE_TIME
 from hmtb_twin.parameters.variants import OPERATING_POSE
@@ -169,9 +170,31 @@ class MultisineExperiment:
         """Length of the record, s."""
         return self.multisines.duration
 
+    @property
+    def period(self) -> int:
+        """Ticks of the arm's position loop in a period."""
+        return round(self.multisines.period * self.sample_rate)
+
+    @property
+    def settling(self) -> int:
+        """Ticks before the steady periods."""
+        return self.multisines.settling * self.period
+
+    @property
+    def sample_rate(self) -> int:
+        """Rate of the arm's position loop, Hz."""
+        return arm_named(self.variant).sample_rate
+
     def offsets(self) -> np.ndarray:
-        """Return the requested offsets of the joints (N, n_axes), rad, before any converter."""
-        return self.multisines.offsets(self.realisation, self.record, len(self.axes))
+        """Return the requested offsets of the joints (N, n_axes), rad, before any converter.
+
+        The excitation computer plays 50 points a second; a faster position loop holds each of them.
+        """
+        points = self.multisines.offsets(self.realisation, self.record, len(self.axes))
+        if self.sample_rate == SAMPLE_RATE:
+            return points
+        ticks = np.arange(round(self.duration * self.sample_rate))
+        return points[ticks * SAMPLE_RATE // self.sample_rate]
 
     def volts(self) -> np.ndarray:
         """Return the excitation computer's output (N, n_axes), V.
@@ -210,14 +233,21 @@ def multisine_experiments(setting: Experiment, multisines: Multisines) -> tuple[
     converters = ((chain.dac, BOARD.dac_step), (chain.adc, interface.adc_step))
     coarsest_step = max((step for rounds, step in converters if rounds), default=0.0)
     smallest_rms = 0.5 * interface.gain * coarsest_step
+    rate = arm_named(setting.variant).sample_rate
+    period = multisines.period * rate
     problems = [
+        (
+            abs(period - round(period)) > 1e-6,
+            f"a period of {multisines.period:g} s given, expected a whole number of ticks of the position loop of "
+            f"{setting.variant}, of {1.0 / rate:g} s each",
+        ),
         (setting.mode != MODE, f"mode {setting.mode} given, expected {MODE}"),
         (bool(setting.shutdown), "an emergency shutdown given, expected none: the record must be periodic"),
         (bool(setting.payload_changes), "payload_changes given, expected none: the record must be periodic"),
         (
-            multisines.samples % hold != 0,
+            round(period) % hold != 0,
             f"a hand controller that holds {hold} samples given, expected one whose hold divides the period of "
-            f"{multisines.samples} samples",
+            f"{round(period)} samples",
         ),
         (
             multisines.rms < smallest_rms,

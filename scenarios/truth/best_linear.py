@@ -288,12 +288,12 @@ def approximated(
     with warnings.catch_warnings():
         # Noise of the wires makes the commands of two periods differ; the record holds them, so they are known.
         warnings.filterwarnings("ignore", message=".* is not periodic with", category=SysidWarning)
-        servo = bla(servo_records, multisines.samples, lines=multisines.lines)
-        chain = bla(chain_records, multisines.samples, lines=multisines.lines)
+        servo = bla(servo_records, first.period, lines=multisines.lines)
+        chain = bla(chain_records, first.period, lines=multisines.lines)
     steady = [record.scored for record in servo_records]
     silent = None
     if multisines.odd:
-        silent = silent_lines(steady, servo, multisines.samples, multisines.band)
+        silent = silent_lines(steady, servo, first.period, multisines.band)
     variances = [record.u.var(axis=0) for record in steady]
     # What comes before the steady periods is no part of the approximation.
     steady_status = []
@@ -330,7 +330,6 @@ def _columns(arm: ArmDescription | JointLog, joints: Sequence[str]) -> list[int]
 def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, inputs: FloatArray) -> IOData:
     """Pair inputs (N, n_axes), rad, with the measured angles of a log; the window holds what is not steady yet."""
     # The first periods hold the transient from rest.
-    window = first.multisines.settling * first.multisines.samples
     return IOData(
         inputs,
         log.measured[:, _columns(log, measured)],
@@ -339,7 +338,7 @@ def _record(first: MultisineExperiment, measured: Sequence[str], log: JointLog, 
         output_names=tuple(f"{name} measured" for name in measured),
         input_units=("rad",) * len(first.axes),
         output_units=("rad",) * len(measured),
-        window=window,
+        window=first.settling,
     )
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from hmtb_twin import Experiment, linearize, load_arm
 from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.control.data_acquisition import BOARD
-from hmtb_twin.parameters.values import SAMPLE_TIME
 from hmtb_twin.run.experiment_row import experiment_arm, prepare
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.truth.best_linear import MOST, REALISATIONS, best_linear_as_needed, cautions
@@ -147,7 +146,7 @@ def multisine_like(
     (joint,) = setting.axes
     shared = ("variant", "payload", "plant", "specimen", "pose", "chain", "hand_controller")
     base = MultisineExperiment(joint, (joint,), seed=seed, **{name: getattr(setting, name) for name in shared})
-    f_max = float(np.mean([_band_end(command) for command in commands]))
+    f_max = float(np.mean([_band_end(command, base.sample_rate) for command in commands]))
     target = Multisines(rms=wanted_rms, f_max=f_max, realisations=realisations, seed=seed)
     # An amplitude far below the limits comes out as it went in: slope one on logarithmic scales.
     rms, slope = wanted_rms, 1.0
@@ -159,7 +158,7 @@ def multisine_like(
         largest = ROOM * rms * BOARD.dac_range * base.hand_controller.gain / peak
         if rms > largest:
             rms, current = largest, replace(target, rms=largest)
-        steady_from = current.settling * current.samples
+        steady_from = replace(base, multisines=current).settling
         command_rms = _rms([joint_command(played)[steady_from:] for played in multisine_experiments(base, current)])
         close_enough = abs(command_rms / wanted_rms - 1.0) < CLOSE
         # The converter clips before the command is strong enough: nothing larger can be played.
@@ -181,11 +180,11 @@ def _rms(commands: Sequence[FloatArray]) -> float:
     return float(np.sqrt(np.mean([np.var(command) for command in commands])))
 
 
-def _band_end(command: FloatArray) -> float:
-    """Frequency below which a command (N,) has the share `SHARE` of its power, Hz."""
+def _band_end(command: FloatArray, sample_rate: int) -> float:
+    """Frequency below which a command (N,) at a rate in Hz has the share `SHARE` of its power, Hz."""
     power = np.abs(np.fft.rfft(command)) ** 2
     line = int(np.searchsorted(np.cumsum(power), SHARE * power.sum()))
-    return line / (len(command) * SAMPLE_TIME)
+    return line * sample_rate / len(command)
 
 
 def joint_command(experiment: Experiment) -> FloatArray:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom, kstest
 
-from hmtb_twin import STUDIED_JOINTS, Chain, Plant, Specimen, linearize, load_arm
+from hmtb_twin import IDEAL, STUDIED_JOINTS, Chain, Plant, Specimen, linearize, load_arm
 from hmtb_twin.control.data_acquisition import BOARD
 from hmtb_twin.parameters.values import LARGE_MOTION
 from hmtb_twin.parameters.variants import joint_index
@@ -12,12 +12,13 @@ from scenarios import load
 from scenarios.experiments.campaign import Condition, campaign_scenario
 from scenarios.experiments.multisines import MultisineExperiment, Multisines, multisine_experiments
 from scenarios.experiments.preview import preview
-from scenarios.truth.best_linear import best_linear, best_linear_as_needed
+from scenarios.truth.best_linear import best_linear, best_linear_as_needed, measured_best_linear
 from scenarios.truth.bla_of_test import CLOSE, best_linear_of_test
 from sysid import IOData
 from sysid.frequency.bla import response_agreement
 from tests.benchmarks.best_linear import QUIET, agreement
 from tests.refusals import refused
+from tests.user_arm import write_arm
 
 SHORT = Multisines(realisations=8, period=5.12, f_min=0.1)
 YAW = MultisineExperiment("yaw", ("shoulder_yaw",), chain=QUIET)
@@ -189,3 +190,23 @@ def test_without_friction_it_is_the_small_signal_truth():
     assert approximation.half_power_hz == pytest.approx(truth, rel=0.01)
     assert approximation.cautions == ()
     assert "8 realisations" in approximation.described
+
+
+@pytest.mark.slow
+def test_a_faster_position_loop_holds_the_points_of_the_multisine(tmp_path):
+    folder = write_arm(tmp_path)
+    (folder / "arm.toml").write_text("sample_rate = 200\n")
+    arm = load_arm(str(folder))
+    class_of_excitation = Multisines(rms=0.01, f_min=0.2, f_max=3.0, period=5.0, realisations=2)
+    chain = replace(IDEAL, friction=False)
+    found = measured_best_linear(arm, arm.description.operating_pose, class_of_excitation, chain=chain)["bend"]
+    assert found.experiment.period == 1000
+    assert len(found.experiment.volts()) == 3000
+    frequencies = found.servo.response.frequencies
+    np.testing.assert_allclose(frequencies, class_of_excitation.lines / 5.0)
+    truth = linearize(load_arm(str(folder), friction=False), amplitudes=())
+    exact = truth.joint("bend").model.frequency_response(frequencies)
+    np.testing.assert_allclose(np.abs(found.servo.response.response / exact - 1.0), 0.0, atol=0.01)
+    setting = replace(found.experiment, variant=str(folder))
+    (folder / "arm.toml").write_text("sample_rate = 130\n")
+    refused("expected a whole number of ticks", best_linear, setting, replace(class_of_excitation, period=5.02))
