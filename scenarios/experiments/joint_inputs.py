@@ -4,7 +4,7 @@ A common waveform in Cartesian mode turns one signal into the commands of severa
 of each other, and their effects on a joint cannot be separated.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -27,7 +27,13 @@ STILL = 1e-9
 
 @dataclass(frozen=True)
 class JointInputs(InputIndependence):
-    """Independence of the commands of several joints, with the words of the laboratory for it."""
+    """Independence of the commands of several joints, with the words of the laboratory for it.
+
+    Attributes:
+        advice: What would make them independent.
+    """
+
+    advice: str = "independent_channels helps"
 
     def summary(self) -> dict[str, object]:
         """Return all measures by name, for JSON."""
@@ -52,7 +58,7 @@ class JointInputs(InputIndependence):
             return f"{subject} excite to the orders {orders}, expected {self.lags} for the models of the study"
         return (
             f"{subject} move together (condition {self.condition:.3g} between them, limit {LIMIT:g}): no full model of "
-            "several inputs can be identified, at best one of each joint by its own command; independent_channels helps"
+            f"several inputs can be identified, at best one of each joint by its own command; {self.advice}"
         )
 
 
@@ -85,6 +91,16 @@ def joint_inputs(commands: np.ndarray, joints: tuple[str, ...], arm: ArmDescript
     return None if measures is None else JointInputs(**vars(measures))
 
 
+def _advice(experiment: Experiment, joints: tuple[str, ...]) -> str:
+    """What would make the commands of an experiment independent."""
+    if experiment.mode.startswith("cartesian") and len(experiment.axes) < len(joints):
+        directions = f"{len(experiment.axes)} directions of the tool move {len(joints)} joints"
+        return f"{directions}: a test that moves the joints themselves, as all-joints, tells them apart"
+    if getattr(experiment, "independent_channels", False):
+        return "signals that differ more between the axes help"
+    return JointInputs.advice
+
+
 def settled_inputs(commands: np.ndarray, experiment: Experiment) -> JointInputs | None:
     """Return `joint_inputs` of the settled part of the commands (N, 7), rad; None also with an operator."""
     if experiment.operator() is not None:
@@ -93,4 +109,6 @@ def settled_inputs(commands: np.ndarray, experiment: Experiment) -> JointInputs 
     start = round(SETTLING * arm.sample_rate)
     if len(commands) > 2 * start:  # of shorter records too little would be left
         commands = commands[start:]
-    return joint_inputs(commands, moved_joints(experiment), arm)
+    joints = moved_joints(experiment)
+    inputs = joint_inputs(commands, joints, arm)
+    return None if inputs is None else replace(inputs, advice=_advice(experiment, joints))

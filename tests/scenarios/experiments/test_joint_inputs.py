@@ -78,3 +78,11 @@ def test_every_test_of_table_2_shares_its_waveform_and_is_flagged():
         assert seen.inputs.full == (name in names("independent")), (name, seen.inputs.condition)
         assert seen.inputs.block_diagonal
         assert seen.inputs.full or preview(noisy).inputs.condition < 0.5 * seen.inputs.condition
+
+
+def test_a_tool_that_moves_more_joints_than_it_has_directions_is_told_of_the_test_that_tells_them_apart():
+    scenario = load("tool", duration=20.0, arm="ur10")
+    (warning,) = [text for text in preview(scenario).warnings() if "move together" in text]
+    assert "3 directions of the tool move 6 joints: a test that moves the joints themselves, as all-joints" in warning
+    # Each has a channel of its own already.
+    assert "independent_channels" not in warning
