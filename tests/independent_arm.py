@@ -106,7 +106,7 @@ class IndependentArm:
         Q       = F u/D + K f/D + G ((u + f)/D - P) + c D w - H (P - Pf),     u = kp (q_cmd - q) - kd w
         dPf/dt  = (P - Pf)/T
         dz/dt   = (w - r z)/sqrt(1 + (r/R)^2),     friction = s0 z + s1 dz/dt
-        r       = s0 v(w)/g(w),     g(w) = Fc + (Fs - Fc) exp(-(w/ws)^2),     v(w) = w^2/sqrt(w^2 + w0^2)
+        r       = s0 v(w)/g(w),     g(w) = Fc + (Fs - Fc) exp(-(w/ws)^2) + m |D P|,     v(w) = w^2/sqrt(w^2 + w0^2)
 
     with K the flow-pressure gain including leakage and f the weight at the commanded pose by the controller's model.
     R bounds s0 to 2 R^2 J and s1 to R J/2, J the inertia that a joint sees at zero angles while the others are free.
@@ -149,7 +149,10 @@ class IndependentArm:
                 [[seal.stribeck_velocity, seal.presliding, seal.bristle_time, seal.slip_velocity] for seal in seals]
             ).T
             free = 1.0 / np.diag(np.linalg.inv(self.inertia(np.zeros(self.count))))
-            stiffness = self.coulomb / presliding
+            self.loss = np.array([seal.load_loss for seal in seals])
+            # Bristles carry the friction of half the rated load at their deflection.
+            rated = np.array([drive.rated_torque for drive in drives])
+            stiffness = (self.coulomb + 0.5 * self.loss * rated) / presliding
             passive = np.divide(self.B, ratio - 1.0, out=np.full(self.count, np.inf), where=ratio > 1.0)
             self.s0 = np.minimum(stiffness, 2.0 * FASTEST**2 * free)
             self.s1 = np.min([stiffness * bristle_time, passive, 0.5 * FASTEST * free], axis=0)
@@ -188,6 +191,7 @@ class IndependentArm:
         out = np.zeros((5, self.count))
         if self.dry:
             bound = self.coulomb + self.excess * np.exp(-((w / self.ws) ** 2))
+            bound += self.loss * self.D * np.minimum(np.abs(P), self.limit)
             rate = self.s0 * w * w / np.sqrt(w * w + self.w0**2) / bound
             out[4] = (w - rate * z) / np.sqrt(1.0 + (rate / FASTEST) ** 2)
             load -= self.s0 * z + self.s1 * out[4]

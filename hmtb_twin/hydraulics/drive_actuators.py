@@ -60,7 +60,7 @@ def add_linear_drives(
     rows = {}
     for name, drive in drives.items():
         rows[name] = linear_parameters(drive, gains[name], joints=len(drives))
-    inertias = _add_drives(spec, rows, eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
+    inertias = _add_drives(spec, rows, _load_losses(drives), eq.LINEAR_MARK, eq.LINEAR_STATES, shared=0)
     model_steps = sample_time / spec.option.timestep
     # Steps end where a tick ends: the joint that needs most steps per tick decides.
     steps_per_tick = [round(model_steps)]
@@ -102,11 +102,21 @@ def add_orifice_actuators(
     for name, actuator in actuators.items():
         rows[name] = valve_parameters(actuator, gains[name], valve, power_unit, joints=len(actuators))
     spec.option.timestep = ORIFICE_STEP
-    _add_drives(spec, rows, eq.VALVE_MARK, eq.STATES, shared=1)
+    _add_drives(spec, rows, _load_losses(actuators), eq.VALVE_MARK, eq.STATES, shared=1)
+
+
+def _load_losses(drives: Mapping[str, Drive]) -> dict[str, float]:
+    """Friction that goes with the load of each drive, as a part of it."""
+    return {name: drive.friction.load_loss if drive.friction else 0.0 for name, drive in drives.items()}
 
 
 def _add_drives(
-    spec: mujoco.MjSpec, rows: Mapping[str, np.ndarray], mark: float, states: int, shared: int
+    spec: mujoco.MjSpec,
+    rows: Mapping[str, np.ndarray],
+    load_losses: Mapping[str, float],
+    mark: float,
+    states: int,
+    shared: int,
 ) -> dict[str, float]:
     """Add the drives; return the inertia that each joint sees while the others are free, kg m^2."""
     install_equations()
@@ -121,20 +131,22 @@ def _add_drives(
         inertia = float(1.0 / rigid.dof_invweight0[rigid.joint(name).dofadr[0]])
         parameters[eq.BRISTLE] = min(parameters[eq.BRISTLE], 2.0 * FASTEST_BRISTLES**2 * inertia)
         parameters[eq.BRISTLE_DAMPING] = min(parameters[eq.BRISTLE_DAMPING], 0.5 * FASTEST_BRISTLES * inertia)
-        _add_drive(spec, name, parameters, mark, activations)
+        _add_drive(spec, name, parameters, [mark, load_losses[name]], activations)
         inertias[name] = inertia
         activations = states
     return inertias
 
 
-def _add_drive(spec: mujoco.MjSpec, joint: str, parameters: np.ndarray, mark: float, activations: int) -> None:
+def _add_drive(
+    spec: mujoco.MjSpec, joint: str, parameters: np.ndarray, dynamics: list[float], activations: int
+) -> None:
     """Add the actuator of a joint's drive and the one that carries its feedforward torque."""
     spec.add_actuator(
         name=joint,
         target=joint,
         trntype=mujoco.mjtTrn.mjTRN_JOINT,
         dyntype=mujoco.mjtDyn.mjDYN_USER,
-        dynprm=[mark] + 9 * [0.0],
+        dynprm=dynamics + (10 - len(dynamics)) * [0.0],
         actdim=activations,
         # The last activation is the load pressure: displacement times pressure is the torque.
         gaintype=mujoco.mjtGain.mjGAIN_FIXED,
@@ -241,7 +253,7 @@ def _common_parameters(drive: Drive, gains: ServoGains, joints: int) -> np.ndarr
     if friction is not None and coulomb > 0.0:
         p[eq.COULOMB], p[eq.STATIC] = coulomb, friction.static_ratio * coulomb
         p[eq.STRIBECK], p[eq.SLIP] = friction.stribeck_velocity, friction.slip_velocity
-        p[eq.BRISTLE], p[eq.BRISTLE_DAMPING] = friction.bristles(coulomb, drive.drag)
+        p[eq.BRISTLE], p[eq.BRISTLE_DAMPING] = friction.bristles(drive.bristle_torque, drive.drag)
     return p
 
 

@@ -61,6 +61,9 @@ VALVE_MARK = 418.75
 LINEAR_MARK = 419.75
 """First dynamics parameter that marks its linear drives."""
 
+LOAD_LOSS = 1
+"""Place, after the mark, of the friction that goes with the load, as a part of it."""
+
 STATES = 6
 """States of a servo valve's joint: spool, its velocity, bristles, filtered load pressure, mean and load pressure."""
 
@@ -131,8 +134,10 @@ def spool_command(p: np.ndarray, flow: float) -> float:
 
 
 @register_jitable
-def bristle_rate(p: np.ndarray, bristles: float, velocity: float) -> float:
-    """Rate of the bristle deflection in the LuGre model of seal friction, rad/s [Canudas1995].
+def bristle_rate(p: np.ndarray, bristles: float, velocity: float, lost: float = 0.0) -> float:
+    """Rate of the bristle deflection in the LuGre model of friction, rad/s [Canudas1995].
+
+    Friction that goes with the load adds `lost`, N m, a part of the torque that the drive exerts, to Stribeck's curve.
 
     The bristles settle no faster than at the rate `BRISTLE_RATE`. This bound is far above the bandwidth of anything
     else: it spares the integrator the bristles of a fast joint, whose force is that of Stribeck's curve either way.
@@ -140,7 +145,7 @@ def bristle_rate(p: np.ndarray, bristles: float, velocity: float) -> float:
     if p[BRISTLE] == 0.0:
         return -p[BRISTLE_RATE] * bristles
     # Stribeck's curve: static friction at rest falls to Coulomb friction.
-    level = p[COULOMB] + (p[STATIC] - p[COULOMB]) * exp(-((velocity / p[STRIBECK]) ** 2))
+    level = p[COULOMB] + (p[STATIC] - p[COULOMB]) * exp(-((velocity / p[STRIBECK]) ** 2)) + lost
     # |w| with a smooth reversal, which an integrator of fourth order needs.
     speed = velocity * velocity / sqrt(velocity * velocity + p[SLIP] * p[SLIP])
     rate = speed * p[BRISTLE] / level
@@ -174,6 +179,7 @@ def joint_rates(
     feedforward: float,
     velocity: float,
     rates: np.ndarray,
+    load_loss: float = 0.0,
 ) -> None:
     """Write the rates of the states of one servo valve's joint.
 
@@ -185,6 +191,7 @@ def joint_rates(
         feedforward: Its feedforward torque, N m.
         velocity: Joint velocity, rad/s.
         rates: Where the rates (STATES,) go.
+        load_loss: Friction that goes with the load, as a part of it.
     """
     x, v, mean, load = state[SPOOL], state[SPOOL_VELOCITY], state[MEAN], state[LOAD]
     command = spool_command(p, servo_flow(p, p[LEAKAGE], position, feedforward, load, state[FILTERED], velocity))
@@ -198,7 +205,7 @@ def joint_rates(
     rate_b = (supply_b - b_return + check_flow(p, b) + crossing) / p[CHAMBER]
     rates[SPOOL] = 0.0 if stopped else v
     rates[SPOOL_VELOCITY] = p[FREQUENCY] * (p[FREQUENCY] * (command - x) - 2.0 * p[DAMPING] * v)
-    rates[BRISTLES] = bristle_rate(p, state[BRISTLES], velocity)
+    rates[BRISTLES] = bristle_rate(p, state[BRISTLES], velocity, load_loss * abs(p[DISPLACEMENT] * load))
     rates[FILTERED] = (load - state[FILTERED]) / p[WASHOUT]
     rates[MEAN] = 0.5 * (rate_a + rate_b)
     rates[LOAD] = rate_a - rate_b
@@ -206,7 +213,13 @@ def joint_rates(
 
 @register_jitable
 def linear_rates(
-    p: np.ndarray, state: np.ndarray, position: float, feedforward: float, velocity: float, rates: np.ndarray
+    p: np.ndarray,
+    state: np.ndarray,
+    position: float,
+    feedforward: float,
+    velocity: float,
+    rates: np.ndarray,
+    load_loss: float = 0.0,
 ) -> None:
     """Write the rates of the states of a linear drive's joint.
 
@@ -220,11 +233,13 @@ def linear_rates(
         feedforward: Its feedforward torque, N m.
         velocity: Joint velocity, rad/s.
         rates: Where the rates (LINEAR_STATES,) go.
+        load_loss: Friction that goes with the load, as a part of it.
     """
     load = state[LINEAR_LOAD]
     flow = servo_flow(p, p[SLOPE], position, feedforward, load, state[LINEAR_FILTERED], velocity)
     flow = min(max(flow, -p[LARGEST]), p[LARGEST])
-    rates[LINEAR_BRISTLES] = bristle_rate(p, state[LINEAR_BRISTLES], velocity)
+    exerted = p[DISPLACEMENT] * min(abs(load), p[LIMIT])
+    rates[LINEAR_BRISTLES] = bristle_rate(p, state[LINEAR_BRISTLES], velocity, load_loss * exerted)
     rates[LINEAR_FILTERED] = (load - state[LINEAR_FILTERED]) / p[WASHOUT]
     rates[LINEAR_LOAD] = (flow - p[SLOPE] * load - p[DISPLACEMENT] * velocity) / (0.5 * p[CHAMBER])
 
@@ -318,15 +333,16 @@ def compiled_callbacks(offsets: Mapping[str, int], *, cached: bool = True) -> tu
         parameters = carray(model[user], (n, 2, PARAMETERS))[:, 0, :]
         p = parameters[j]
         position = position_torque(p, data[ctrl][drive], data[length][drive], speed)
+        load_loss = model[dynprm][10 * drive + LOAD_LOSS]
         forward = data[ctrl][drive + 1]
         if mark == LINEAR_MARK:
             columns = slice(j * LINEAR_STATES, (j + 1) * LINEAR_STATES)
             states, slopes = carray(data[act], (n * LINEAR_STATES,)), carray(data[act_dot], (n * LINEAR_STATES,))
-            linear_rates(p, states[columns], position, forward, speed, slopes[columns])
+            linear_rates(p, states[columns], position, forward, speed, slopes[columns], load_loss)
             return 0.0
         columns = slice(1 + j * STATES, 1 + (j + 1) * STATES)
         states, slopes = carray(data[act], (1 + n * STATES,)), carray(data[act_dot], (1 + n * STATES,))
-        joint_rates(p, states[columns], states[0], position, forward, speed, slopes[columns])
+        joint_rates(p, states[columns], states[0], position, forward, speed, slopes[columns], load_loss)
         # MuJoCo calls each drive by itself: the first one also answers for the supply that all share.
         if j == 0:
             slopes[0] = supply_rate(p, states[0], drawn_flow(parameters, states))

@@ -132,7 +132,7 @@ class ArmDescription:
             if friction is None:
                 continue
             # `Friction.bristles` would silently reduce the damping; a variant's own numbers must not need that.
-            damping = friction.bristle_time * drive.coulomb_torque / friction.presliding
+            damping = friction.bristle_time * drive.bristle_torque / friction.presliding
             passive = drive.drag / (friction.static_ratio - 1.0) if friction.static_ratio > 1.0 else inf
             # A rule may set the damping to the limit itself: what is beyond it by rounding is at it.
             if damping > passive * (1.0 + ROUNDING):

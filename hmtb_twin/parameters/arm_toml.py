@@ -52,7 +52,7 @@ UNITS: Mapping[str, str] = {
     **dict.fromkeys(("slow_pole", "fast_pole"), "rad/s"),
     **dict.fromkeys(("effort", "coulomb"), "N m"),
     **dict.fromkeys(("damping", "gear_ratio", "static_ratio", "oil_damping"), "1"),
-    **dict.fromkeys(("coulomb_part", "viscous_part", "brake_part"), "1"),
+    **dict.fromkeys(("coulomb_part", "viscous_part", "brake_part", "load_loss"), "1"),
     **dict.fromkeys(("kd", "viscous"), "N m s/rad"),
     **dict.fromkeys(("electrical_lag", "torque_lag", "bristle_time"), "s"),
     **dict.fromkeys(("armature", "rotor_inertia"), "kg m2"),
@@ -73,7 +73,17 @@ SIGNED = ("lower", "upper")
 NEGATIVE = ("slow_pole", "fast_pole")
 """Numbers of a joint that are below zero."""
 
-MAY_VANISH = ("kd", "delay", "armature", "coulomb", "viscous", "coulomb_part", "viscous_part", "bristle_time")
+MAY_VANISH = (
+    "kd",
+    "delay",
+    "armature",
+    "coulomb",
+    "viscous",
+    "coulomb_part",
+    "viscous_part",
+    "bristle_time",
+    "load_loss",
+)
 """Numbers of a joint that may be zero."""
 
 OF_ONE_KIND: Mapping[str, tuple[str, ...]] = {
@@ -133,6 +143,7 @@ class JointSettings:
         viscous_part: Viscous friction at the speed without load as a part of the largest torque, in place of `viscous`.
         slip_velocity: Velocity below which the bristles of dry friction hardly slip.
         bristle_time: Damping of the bristles over their stiffness.
+        load_loss: Dry friction that goes with the load, as a part of the torque that the drive exerts.
         torque_constant: Torque per current of the motor of an electric drive before its gear, in place of `effort`.
         resistance: Resistance of its winding.
         rotor_inertia: Inertia of its rotor before the gear, in place of `armature`.
@@ -168,6 +179,7 @@ class JointSettings:
     viscous_part: Given | None = None
     slip_velocity: Given | None = None
     bristle_time: Given | None = None
+    load_loss: Given | None = None
     torque_constant: Given | None = None
     resistance: Given | None = None
     rotor_inertia: Given | None = None
@@ -336,6 +348,8 @@ def _settings(table: Mapping[str, Any]) -> ArmSettings:
     for key, available in (("drives", DRIVES), ("servo", SERVOS)):
         if values.get(key) and values[key] not in available:
             raise TwinError(f"{key} = {shown(values[key])} given, expected {' or '.join(available)}")
+    if values.get("servo") == "flow" and values.get("drives", ArmSettings.drives) != "hydraulic":
+        raise TwinError("servo = 'flow' given, which opens a valve, but electric drives have none; expected torque")
     for key in ("joints", "indexed", "studied"):
         if key in table:
             values[key] = tuple(_text(key, name) for name in _sequence(key, table[key]))

@@ -123,6 +123,9 @@ class Friction:
     viscous: float = quantity(
         0.01, "1", "assumed", "the oil's drag at no-load speed and 40 degrees Celsius, part of maximum torque"
     )
+    load_loss: float = quantity(
+        0.0, "1", "assumed", "dry friction that goes with the load, part of the torque exerted; gears lose 0 to 10 %"
+    )
 
     def bristles(self, coulomb: float, drag: float) -> tuple[float, float]:
         """Return stiffness, N m/rad, and damping, N m s/rad, of the bristles of a joint.
@@ -131,7 +134,7 @@ class Friction:
         [Barahanov2000].
 
         Args:
-            coulomb: Coulomb torque Fc of the joint, N m.
+            coulomb: Coulomb torque Fc of the joint, N m, with what a half load adds; see `bristle_torque`.
             drag: Its viscous friction, N m s/rad.
         """
         stiffness = coulomb / self.presliding
@@ -181,8 +184,14 @@ class Actuator:
 
     @property
     def breakaway_torque(self) -> float:
-        """Largest dry friction at rest, N m."""
+        """Largest dry friction at rest without load, N m."""
         return self.friction.static_ratio * self.coulomb_torque if self.friction else 0.0
+
+    @property
+    def bristle_torque(self) -> float:
+        """Friction that the bristles carry at their deflection, N m: Coulomb's, and that of half the rated load."""
+        lost = 0.5 * self.friction.load_loss * self.rated_torque if self.friction else 0.0
+        return self.coulomb_torque + lost
 
     @property
     def drag(self) -> float:
@@ -311,8 +320,14 @@ class ElectricDrive:
 
     @property
     def breakaway_torque(self) -> float:
-        """Largest dry friction at rest, N m."""
+        """Largest dry friction at rest without load, N m."""
         return self.friction.static_ratio * self.coulomb_torque if self.friction else 0.0
+
+    @property
+    def bristle_torque(self) -> float:
+        """Friction that the bristles carry at their deflection, N m: Coulomb's, and that of half the rated load."""
+        lost = 0.5 * self.friction.load_loss * self.rated_torque if self.friction else 0.0
+        return self.coulomb_torque + lost
 
     @property
     def drag(self) -> float:

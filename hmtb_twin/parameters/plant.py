@@ -134,7 +134,8 @@ class Plant:
         dry = 0.0 if self.friction == "viscous" else self.friction_level * seals.coulomb
         # Without Stribeck's peak LuGre friction is Dahl's.
         ratio = 1.0 if self.friction == "coulomb" else seals.static_ratio
-        return replace(seals, coulomb=dry, presliding=self.presliding, static_ratio=ratio)
+        lost = 0.0 if self.friction == "viscous" else self.friction_level * seals.load_loss
+        return replace(seals, coulomb=dry, presliding=self.presliding, static_ratio=ratio, load_loss=lost)
 
 
 NOMINAL_PLANT = Plant()

@@ -269,7 +269,11 @@ def _friction(numbers: Numbers, usual: Friction, torque: float, speed: float) ->
     ratio = numbers.number("static_ratio", usual.static_ratio, "breakaway over Coulomb friction")
     stribeck = numbers.number("stribeck_velocity", usual.stribeck_velocity, "about 1 deg/s at the joint")
     slip = numbers.own("slip_velocity")
-    damping = numbers.own("bristle_time")
+    damping, load_loss = numbers.own("bristle_time"), numbers.own("load_loss") or 0.0
+    if load_loss > 0.0 and coulomb == 0.0:
+        raise TwinError(f"{numbers.joint}: load_loss = {load_loss:g} without Coulomb friction given, expected some")
+    if load_loss >= 1.0:
+        raise TwinError(f"{numbers.joint}: load_loss = {load_loss:g} given, expected less than 1, a part of the load")
     if ratio < 1.0:
         raise TwinError(f"{numbers.joint}: static_ratio = {ratio:g} given, expected 1 or more")
     if damping is None:
@@ -277,7 +281,7 @@ def _friction(numbers: Numbers, usual: Friction, torque: float, speed: float) ->
         if coulomb > 0.0 and ratio > 1.0:
             # Damping of the bristles up to which the friction takes energy at every instant [Barahanov2000].
             passive = viscous / (ratio - 1.0)
-            damping = min(damping, passive * usual.presliding / coulomb)
+            damping = min(damping, passive * usual.presliding / (coulomb + 0.5 * load_loss * torque))
     return type(usual)(
         coulomb=dry,
         static_ratio=ratio,
@@ -286,6 +290,7 @@ def _friction(numbers: Numbers, usual: Friction, torque: float, speed: float) ->
         presliding=usual.presliding,
         bristle_time=damping,
         viscous=drag,
+        load_loss=load_loss,
     )
 
 

@@ -145,7 +145,8 @@ class Specimen:
         if drive.friction is None or dry == drag == 1.0:
             return drive
         seals = drive.friction
-        return replace(drive, friction=replace(seals, coulomb=dry * seals.coulomb, viscous=drag * seals.viscous))
+        changed = {"coulomb": dry * seals.coulomb, "load_loss": dry * seals.load_loss, "viscous": drag * seals.viscous}
+        return replace(drive, friction=replace(seals, **changed))
 
     def gains(self, joint: int, tuned: ServoGains) -> ServoGains:
         """Return the gains of the servo of a joint, by its place, on this arm from the tuned ones."""

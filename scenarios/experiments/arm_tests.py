@@ -62,8 +62,11 @@ def command_gain(arm: ArmDescription, joint: str) -> float:
     slewing = limit.velocity_limit * arm.sample_time / 2.0
     ending = REACH * min(angle - limit.lower, limit.upper - angle)
     gain = _rounded(min(slewing, ending, LARGEST_GAIN))
-    # The error at which the servo overcomes the friction of a joint at rest.
-    breakaway = arm.actuators[joint].breakaway_torque / load_arm(arm.name).gains[joint][0]
+    # The error at which the servo overcomes the friction of a joint at rest, with that of the weight that it carries.
+    drive, loaded = arm.actuators[joint], load_arm(arm.name)
+    lost = drive.friction.load_loss if drive.friction else 0.0
+    weight = abs(loaded.weight(loaded.pose(arm.operating_pose))[arm.joint_index(joint)]) if lost else 0.0
+    breakaway = (drive.breakaway_torque + lost * weight) / loaded.gains[joint][0]
     return max(gain, _rounded(min(MOVES * breakaway, ending)))
 
 
