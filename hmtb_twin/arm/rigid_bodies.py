@@ -54,10 +54,12 @@ def spec_of_test_bed(name: str) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(model_file(f"hmtb/{name}")))
     for key in list(spec.keys):
         spec.delete(key)
+    # Its pin would hold an arm whose shoulder roll is released, too.
     for constraint in list(spec.equalities):
         spec.delete(constraint)
     for pair in list(spec.excludes):
         spec.delete(pair)
+    # Pictures show the others, and contact at the worksite has shapes of its own.
     for shape in list(spec.geoms):
         if shape.group == COLLISION_GROUP:
             spec.delete(shape)

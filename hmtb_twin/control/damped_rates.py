@@ -116,6 +116,7 @@ class DampedRates:
         start, orientation = self._controller.tool_pose(previous)
         way, turn = position - start, pin.log3(orientation.T @ rotation)
         share = 1.0
+        # Most ticks are slow enough for the whole way.
         for _ in range(SHORTENINGS):
             if share == 1.0:
                 target = (position, rotation)

@@ -238,6 +238,7 @@ def linear_rates(
     load = state[LINEAR_LOAD]
     flow = servo_flow(p, p[SLOPE], position, feedforward, load, state[LINEAR_FILTERED], velocity)
     flow = min(max(flow, -p[LARGEST]), p[LARGEST])
+    # Beyond the limit the drive exerts no more, and rubs no more.
     exerted = p[DISPLACEMENT] * min(abs(load), p[LIMIT])
     rates[LINEAR_BRISTLES] = bristle_rate(p, state[LINEAR_BRISTLES], velocity, load_loss * exerted)
     rates[LINEAR_FILTERED] = (load - state[LINEAR_FILTERED]) / p[WASHOUT]

@@ -190,6 +190,7 @@ class Actuator:
     @property
     def bristle_torque(self) -> float:
         """Friction that the bristles carry at their deflection, N m: Coulomb's, and that of half the rated load."""
+        # Half: stiff enough for a heavy load, soft enough for the physics step without one.
         lost = 0.5 * self.friction.load_loss * self.rated_torque if self.friction else 0.0
         return self.coulomb_torque + lost
 

@@ -270,6 +270,7 @@ def _friction(numbers: Numbers, usual: Friction, torque: float, speed: float) ->
     stribeck = numbers.number("stribeck_velocity", usual.stribeck_velocity, "about 1 deg/s at the joint")
     slip = numbers.own("slip_velocity")
     damping, load_loss = numbers.own("bristle_time"), numbers.own("load_loss") or 0.0
+    # Bristles of a joint without load would have no friction to carry.
     if load_loss > 0.0 and coulomb == 0.0:
         raise TwinError(f"{numbers.joint}: load_loss = {load_loss:g} without Coulomb friction given, expected some")
     if load_loss >= 1.0:
