@@ -15,7 +15,7 @@ from hmtb_twin.parameters.arm_description import ArmDescription, RigidModel
 from hmtb_twin.parameters.arm_toml import ArmSettings
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import Load, Payload
-from hmtb_twin.parameters.rules import joint_records
+from hmtb_twin.parameters.rules import joint_records, recorder
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
 from hmtb_twin.parameters.values import Motion
 
@@ -60,6 +60,7 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
     read = {joint: _read(file, arm, joint) for joint in arm.joints}
     weights = Weights(arm.mjcf, gravity)
     records = joint_records(settings, read, weights.largest)
+    resolvers, of_resolvers = recorder(settings.resolver)
     poses, operating, notes = _settled_poses(file, arm, settings, records.motions, records.efforts, weights)
     return ArmDescription(
         name=name,
@@ -81,8 +82,9 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
         studied=settings.studied,
         sample_rate=settings.sample_rate,
         power_unit=_power_unit(records.drives.values()),
+        recorder=resolvers,
         given_gains=records.given_gains,
-        numbers=records.numbers,
+        numbers=(*records.numbers, *of_resolvers),
         remarks=(*remarks, *notes),
     )
 

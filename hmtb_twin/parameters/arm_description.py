@@ -12,7 +12,7 @@ from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import OWN, OWN_FORM, Load, Payload, load_of
 from hmtb_twin.parameters.quantity import Provenance
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
-from hmtb_twin.parameters.values import BusTerminal, Link, Motion, Servo
+from hmtb_twin.parameters.values import RECORDER, BusTerminal, Link, Motion, Recorder, Servo
 
 LEAST_VOLUME = 1.2
 """Least trapped volume of an actuator over the volume that its joint sweeps: chambers, ports and lines."""
@@ -64,6 +64,7 @@ class ArmDescription:
         studied: Joints on which linear models are compared with simulation; all when empty.
         sample_rate: Rate of the position loop and of the bus, Hz.
         power_unit: The pump that feeds hydraulic drives.
+        recorder: Resolution and noise of the measured angles.
         given_gains: Gains kp, N m/rad, and kd, N m s/rad, of joints whose servos are given, not tuned.
         numbers: Numbers of the joints of an arm from files, each with its source: given, read, or assumed by a rule.
         remarks: What was done to the files that it was read from, one line each.
@@ -88,6 +89,7 @@ class ArmDescription:
     studied: tuple[str, ...] = ()
     sample_rate: int = 50
     power_unit: PowerUnit = POWER_UNIT
+    recorder: Recorder = RECORDER
     given_gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     numbers: tuple[Provenance, ...] = ()
     remarks: tuple[str, ...] = ()

@@ -67,6 +67,15 @@ LINK_UNITS: Mapping[str, str] = {"length": "m", "mass": "kg", "radius": "m"}
 PAYLOAD_UNITS: Mapping[str, str] = {"mass": "kg", "size": "m"}
 """Units of those numbers of a payload that have a source."""
 
+RESOLVER_UNITS: Mapping[str, str] = {"bits": "bit", "noise": "rad"}
+"""Units of the numbers of the resolvers."""
+
+RESOLVER_RANGES: Mapping[str, tuple[float, float, str]] = {
+    "bits": (8.0, 32.0, "a whole number of bits over one turn, 8 to 32"),
+    "noise": (0.0, 0.1, "0 rad to 0.1 rad"),
+}
+"""Least and largest of these numbers, and both in words."""
+
 SIGNED = ("lower", "upper")
 """Numbers of a joint that may be below zero."""
 
@@ -222,6 +231,19 @@ class PayloadSettings:
 
 
 @dataclass(frozen=True)
+class ResolverSettings:
+    """What a user says of the resolvers or encoders of an arm; None where nothing is said.
+
+    Attributes:
+        bits: Their resolution over one turn of the joint.
+        noise: Standard deviation of their noise, rad.
+    """
+
+    bits: Given | None = None
+    noise: Given | None = None
+
+
+@dataclass(frozen=True)
 class ArmSettings:
     """What a user says of an arm; empty where nothing is said.
 
@@ -234,6 +256,7 @@ class ArmSettings:
         drives: Kind of its drives.
         servo: Servo law; empty for that of the kind of drives.
         sample_rate: Rate of the position loop, Hz.
+        resolver: Resolution and noise of the measured angles.
         gravity: Acceleration of gravity, m/s^2; None for that of the model file.
         indexed: Joints that a pin holds, of an arm with `link`.
         studied: Joints on which linear models are compared with simulation; all when empty.
@@ -254,6 +277,7 @@ class ArmSettings:
     drives: str = "electric"
     servo: str = ""
     sample_rate: int = 50
+    resolver: ResolverSettings = field(default_factory=ResolverSettings)
     gravity: float | None = None
     indexed: tuple[str, ...] = ()
     studied: tuple[str, ...] = ()
@@ -340,11 +364,35 @@ def _rivals(name: str) -> list[str]:
 def _settings(table: Mapping[str, Any]) -> ArmSettings:
     known = {entry.name for entry in fields(ArmSettings)} | {"base", "sources"}
     _check_keys("arm", table, known)
+    sources = _sources(table.get("sources", {}))
+    values = _plain_settings(table)
+    kind = values.get("drives", ArmSettings.drives)
+    if "resolver" in table:
+        values["resolver"] = _resolver(table["resolver"])
+    if "payloads" in table:
+        payloads = _mapping("payloads", table["payloads"])
+        values["payloads"] = {
+            name: _payload(f"payloads.{name}", payload, sources["payload"]) for name, payload in payloads.items()
+        }
+    if "every_joint" in table:
+        values["every_joint"] = _joint("every_joint", table["every_joint"], sources["joint"], kind)
+    if "joint" in table:
+        joints = _mapping("joint", table["joint"])
+        values["joint"] = {
+            name: _joint(f"joint.{name}", settings, sources["joint"], kind) for name, settings in joints.items()
+        }
+    if "link" in table:
+        links = _mapping("link", table["link"])
+        values["link"] = {name: _link(f"link.{name}", link, sources["link"]) for name, link in links.items()}
+    return ArmSettings(**values)
+
+
+def _plain_settings(table: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of the arm itself that are texts, numbers, or lists and tables of them."""
     values: dict[str, Any] = {}
     for key in ("title", "model", "tool", "drives", "servo", "operating_pose", "tuned_payload"):
         if key in table:
             values[key] = _text(key, table[key])
-    sources = _sources(table.get("sources", {}))
     for key, available in (("drives", DRIVES), ("servo", SERVOS)):
         if values.get(key) and values[key] not in available:
             raise TwinError(f"{key} = {shown(values[key])} given, expected {' or '.join(available)}")
@@ -362,6 +410,7 @@ def _settings(table: Mapping[str, Any]) -> ArmSettings:
         values["locked"] = {name: _finite(f"locked.{name}", value) for name, value in locked.items()}
     if "sample_rate" in table:
         rate = table["sample_rate"]
+        # `True` is a whole number to Python.
         if isinstance(rate, bool) or not isinstance(rate, int) or not SLOWEST <= rate <= FASTEST:
             raise TwinError(
                 f"sample_rate = {shown(rate)} given, expected a whole number from {SLOWEST} to {FASTEST} Hz"
@@ -370,23 +419,7 @@ def _settings(table: Mapping[str, Any]) -> ArmSettings:
     if "poses" in table:
         poses = _mapping("poses", table["poses"])
         values["poses"] = {name: _numbers(f"poses.{name}", angles) for name, angles in poses.items()}
-    if "payloads" in table:
-        payloads = _mapping("payloads", table["payloads"])
-        values["payloads"] = {
-            name: _payload(f"payloads.{name}", payload, sources["payload"]) for name, payload in payloads.items()
-        }
-    kind = values.get("drives", ArmSettings.drives)
-    if "every_joint" in table:
-        values["every_joint"] = _joint("every_joint", table["every_joint"], sources["joint"], kind)
-    if "joint" in table:
-        joints = _mapping("joint", table["joint"])
-        values["joint"] = {
-            name: _joint(f"joint.{name}", settings, sources["joint"], kind) for name, settings in joints.items()
-        }
-    if "link" in table:
-        links = _mapping("link", table["link"])
-        values["link"] = {name: _link(f"link.{name}", link, sources["link"]) for name, link in links.items()}
-    return ArmSettings(**values)
+    return values
 
 
 def _sources(table: object) -> dict[str, dict[str, Source]]:
@@ -466,6 +499,20 @@ def _given(joint: str, key: str, value: object, usual: Source) -> Given:
     if expected:
         raise TwinError(f"{name} = {shown(value)} given, expected {expected}, in {UNITS[key]}")
     return Given(source.source, source.tag, number)
+
+
+def _resolver(table: object) -> ResolverSettings:
+    mapping = _mapping("resolver", table)
+    _check_keys("resolver", mapping, set(RESOLVER_UNITS))
+    numbers = {}
+    for key, value in mapping.items():
+        value, source = _with_source(f"resolver.{key}", value, Source())
+        number = _finite(f"resolver.{key}", value)
+        low, high, expected = RESOLVER_RANGES[key]
+        if not low <= number <= high or (key == "bits" and not number.is_integer()):
+            raise TwinError(f"resolver.{key} = {shown(value)} given, expected {expected}")
+        numbers[key] = Given(source.source, source.tag, number)
+    return ResolverSettings(**numbers)
 
 
 def _link(name: str, table: object, sources: Mapping[str, Source]) -> LinkSettings:

@@ -5,10 +5,10 @@ from typing import Any
 
 from hmtb_twin.files.errors import TwinError, shown
 from hmtb_twin.parameters.arm_description import ArmDescription
-from hmtb_twin.parameters.arm_toml import LINK_UNITS, PAYLOAD_UNITS, ArmSettings
+from hmtb_twin.parameters.arm_toml import LINK_UNITS, PAYLOAD_UNITS, ArmSettings, ResolverSettings
 from hmtb_twin.parameters.payloads import Load, Payload
 from hmtb_twin.parameters.quantity import Provenance
-from hmtb_twin.parameters.rules import joint_records
+from hmtb_twin.parameters.rules import joint_records, recorder
 from hmtb_twin.parameters.values import Link
 
 MODEL = "hmtb.xml"
@@ -31,23 +31,14 @@ def chain_arm(name: str, settings: ArmSettings) -> ArmDescription:
     Raises:
         TwinError: The settings are incomplete, or wrong for this chain.
     """
-    # What would be ignored is refused.
-    for key in NO_MEANING:
-        if getattr(settings, key):
-            raise TwinError(f"{key} = {shown(getattr(settings, key))} given with links, which have {MODEL} as model")
+    _check_chain(settings)
     joints = settings.joints
-    if not joints or tuple(settings.link) != (*joints, END):
-        raise TwinError(
-            f"links {', '.join(settings.link)} given, expected those of {', '.join((*joints, END))}: one of each joint "
-            "in joints, in this sequence, and the end effector's"
-        )
-    for key in ("indexed", "studied"):
-        unknown = [joint for joint in getattr(settings, key) if joint not in joints]
-        if unknown:
-            raise TwinError(f"{key}: {', '.join(unknown)} given, available: {', '.join(joints)}")
     # The model file tells nothing of drives and ranges, and weighing would take MuJoCo: every torque is given.
     records = joint_records(settings, {joint: {} for joint in joints}, None)
     _check_poses(settings, {joint: (motion.lower, motion.upper) for joint, motion in records.motions.items()})
+    resolvers, of_resolvers = recorder(settings.resolver)
+    # Those of the test bed have rows of their own in its table.
+    told = of_resolvers if settings.resolver != ResolverSettings() else ()
     # Without a word of it, gravity is that of the ground.
     optional: dict[str, Any] = {} if settings.gravity is None else {"gravity": settings.gravity}
     return ArmDescription(
@@ -67,10 +58,29 @@ def chain_arm(name: str, settings: ArmSettings) -> ArmDescription:
         indexed=settings.indexed,
         studied=settings.studied,
         sample_rate=settings.sample_rate,
+        recorder=resolvers,
         given_gains=records.given_gains,
-        numbers=(*_of_links(settings), *records.numbers, *_of_payloads(settings)),
+        numbers=(*_of_links(settings), *records.numbers, *told, *_of_payloads(settings)),
         **optional,
     )
+
+
+def _check_chain(settings: ArmSettings) -> None:
+    """Raise `TwinError` for settings that this chain cannot have."""
+    # What would be ignored is refused.
+    for key in NO_MEANING:
+        if getattr(settings, key):
+            raise TwinError(f"{key} = {shown(getattr(settings, key))} given with links, which have {MODEL} as model")
+    joints = settings.joints
+    if not joints or tuple(settings.link) != (*joints, END):
+        raise TwinError(
+            f"links {', '.join(settings.link)} given, expected those of {', '.join((*joints, END))}: one of each joint "
+            "in joints, in this sequence, and the end effector's"
+        )
+    for key in ("indexed", "studied"):
+        unknown = [joint for joint in getattr(settings, key) if joint not in joints]
+        if unknown:
+            raise TwinError(f"{key}: {', '.join(unknown)} given, available: {', '.join(joints)}")
 
 
 def _check_poses(settings: ArmSettings, ranges: dict[str, tuple[float, float]]) -> None:

@@ -7,10 +7,10 @@ from math import pi
 
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.arm_description import LEAST_VOLUME
-from hmtb_twin.parameters.arm_toml import UNITS, ArmSettings, Given, JointSettings
+from hmtb_twin.parameters.arm_toml import RESOLVER_UNITS, UNITS, ArmSettings, Given, JointSettings, ResolverSettings
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive, ElectricDrive, Friction, GearFriction
 from hmtb_twin.parameters.quantity import Provenance
-from hmtb_twin.parameters.values import BusTerminal, Motion, Servo
+from hmtb_twin.parameters.values import RECORDER, BusTerminal, Motion, Recorder, Servo
 
 WIDEST = pi
 """Range either way of a joint whose file gives none, rad."""
@@ -157,6 +157,17 @@ def _given_gains(numbers: Iterable[Numbers]) -> dict[str, tuple[float, float]]:
         if kp is not None and kd is not None:
             gains[one.joint] = (kp.value, kd.value)
     return gains
+
+
+def recorder(given: ResolverSettings) -> tuple[Recorder, tuple[Provenance, ...]]:
+    """Resolution and noise of the measured angles of an arm, with their sources."""
+    rows = []
+    for name, usual in (("bits", RECORDER.resolver_bits), ("noise", RECORDER.noise)):
+        own: Given | None = getattr(given, name)
+        known = Given("as of the test bed", "assumed", usual) if own is None else own
+        rows.append(Provenance("resolvers", name, known.value, RESOLVER_UNITS[name], known.tag, known.source))
+    bits, noise = (row.value for row in rows)
+    return Recorder(int(bits), noise), tuple(rows)
 
 
 def motion(numbers: Numbers) -> Motion:

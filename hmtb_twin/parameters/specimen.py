@@ -10,7 +10,7 @@ from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.drives import Drive, ElectricDrive
 from hmtb_twin.parameters.real_number import real_number
 from hmtb_twin.parameters.servo_gains import ServoGains
-from hmtb_twin.parameters.values import RECORDER, Recorder
+from hmtb_twin.parameters.values import Recorder
 from hmtb_twin.parameters.variants import JOINTS, LINKS
 
 LINK_NAMES = tuple(LINKS)
@@ -122,10 +122,9 @@ class Specimen:
         """Whether links and payload have the masses and inertias of the variant."""
         return not self.deviations.keys() & {"mass", "payload_mass", *DEVIATIONS}
 
-    @property
-    def recorder(self) -> Recorder:
-        """The recorder with the noise of this arm's resolvers."""
-        return replace(RECORDER, noise=self.resolver_noise * RECORDER.noise)
+    def recorder(self, arm: ArmDescription) -> Recorder:
+        """The recorder of an arm with the noise of this one's resolvers."""
+        return replace(arm.recorder, noise=self.resolver_noise * arm.recorder.noise)
 
     def applied(self, joint: int, drive: Drive) -> Drive:
         """Return the drive of a joint, by its place; raises `TwinError` for deviating oil and an electric drive."""

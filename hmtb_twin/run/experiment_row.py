@@ -164,7 +164,8 @@ def prepare(experiment: Experiment, load: Callable[..., Arm], *, live: bool = Fa
         logged = interface.logged_noise * low_pass(
             logging.standard_normal(shape), interface.logged_noise_corner, arm.description.sample_time
         )
-    return ExperimentRow(experiment, arms, station, experiment.specimen.recorder, noise, logged, torques)
+    recorder = experiment.specimen.recorder(arm.description)
+    return ExperimentRow(experiment, arms, station, recorder, noise, logged, torques)
 
 
 def _at_step(arm: Arm, step: float) -> Arm:

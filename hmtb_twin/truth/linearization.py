@@ -188,7 +188,7 @@ def _sampled_model(arm: Arm, angles: np.ndarray) -> tuple[StateSpace, Disturbanc
     drives = np.zeros((path.order, n))
     drives[:states] = torques * arm.process_noise
     # The bus delays readings and angles alike; delayed white noise is white noise.
-    recorder = arm.specimen.recorder
+    recorder = arm.specimen.recorder(arm.description)
     resolvers = (recorder.noise**2 + recorder.resolver_step**2 / 12.0) * np.eye(n)
     return path, Disturbances(drives, resolvers)
 

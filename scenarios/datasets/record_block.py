@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from hmtb_twin import MODES, PAYLOADS, POSES, VARIANTS, Chain, HandController, Plant
 from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.plant import ACTUATOR_FORMS, FRICTIONS
-from hmtb_twin.parameters.values import HAND_CONTROLLER, SAMPLE_RATE
+from hmtb_twin.parameters.values import HAND_CONTROLLER, RECORDER, SAMPLE_RATE
 from hmtb_twin.parameters.variants import JOINTS, OPERATING_POSE
 from scenarios.experiments.arm_tests import interface
 from scenarios.experiments.excitation_computer import Excitation
@@ -258,6 +258,12 @@ def _arm_of(block: RecordBlock) -> ArmDescription:
         raise ScenarioError(
             f"records {block.name!r}: the position loop of {block.arm} runs at {arm.sample_rate} Hz, expected "
             f"{SAMPLE_RATE} Hz: all records of a data set have one sampling interval"
+        )
+    if arm.recorder != RECORDER:
+        raise ScenarioError(
+            f"records {block.name!r}: resolvers of {arm.recorder.resolver_bits} bit and {arm.recorder.noise:g} rad of "
+            f"{block.arm} given, expected those of the test bed, {RECORDER.resolver_bits} bit and {RECORDER.noise:g} "
+            "rad: the datasheet states one noise of all records"
         )
     return arm
 

@@ -204,3 +204,33 @@ def test_copies_may_have_other_plants_as_the_test_bed_has(tmp_path):
     folder = copied(tmp_path)
     valves = Plant(actuator="orifice")
     assert dict(load_arm(str(folder), plant=valves).gains) == dict(load_arm(plant=valves).gains)
+
+
+def test_resolvers_of_any_arm_have_a_resolution_and_a_noise_of_their_own(tmp_path, experiment):
+    folder = write_arm(tmp_path)
+    toml = folder / "arm.toml"
+    toml.write_text('[resolver]\nbits = {value = 12, source = "data sheet"}\nnoise = 1e-3\n')
+    arm = load_arm(str(folder))
+    step = 2.0 * np.pi / 2**12
+    assert (arm.description.recorder.resolver_step, arm.description.recorder.noise) == (step, 1e-3)
+    told = {
+        row.parameter: (row.value, row.tag, row.source) for row in arm.description.numbers if row.owner == "resolvers"
+    }
+    assert told == {"bits": (12.0, "source", "data sheet"), "noise": (1e-3, "source", "arm.toml")}
+    kind = {"variant": str(folder), "payload": "none", "pose": arm.description.operating_pose, "axes": ("lift",)}
+    log = simulate([experiment(duration=4.0, **kind)])[0]
+    counts = log.measured / step
+    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
+    late = int(arm.delays[0])
+    noise = log.measured[late:] - log.true_angles[: len(log) - late]
+    assert np.std(noise) == pytest.approx(np.hypot(1e-3, step / np.sqrt(12.0)), rel=0.1)
+    # The truth has the same noise.
+    truth = linearize(arm, amplitudes=())
+    np.testing.assert_allclose(np.diag(truth.model.innovation_covariance), 1e-6 + step**2 / 12.0, rtol=1e-6)
+    for text, message in (
+        ("bits = 12.5", "resolver.bits = 12.5 given, expected a whole number of bits over one turn, 8 to 32"),
+        ("noise = -1.0", "resolver.noise = -1.0 given, expected 0 rad to 0.1 rad"),
+        ("step = 1.0", "resolver: unknown key 'step'"),
+    ):
+        toml.write_text(f"[resolver]\n{text}\n")
+        refused(message, load_arm, str(folder))
