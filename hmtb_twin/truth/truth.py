@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from scipy.linalg import eig
 
 from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.files.errors import TwinError
@@ -20,11 +21,14 @@ SILENT = 1e-7
 ORIGIN = 1e-6
 """Poles and zeros of smaller modulus are delays, or too fast to be distinguished from them."""
 
+DEFECTIVE = 1e14
+"""Condition of eigenvectors from which on they are no basis."""
+
 FAR = 1e3
 """Zeros of larger modulus are rounding errors of zeros at infinity."""
 
 
-def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def modal(channel: StateSpace, late: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the modes of a channel that connect its command with its measurement.
 
     Balanced truncation keeps the response but moves poles that are near a zero; here poles are eigenvalues of the whole
@@ -32,6 +36,8 @@ def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
     Args:
         channel: A stable single-input single-output model with all states.
+        late: Samples by which its output is late. A mode that decays fast carries the more of the gain the later its
+            response is seen, which says nothing of the arm: shares are those ahead of these samples.
 
     Returns:
         Poles in the z plane, largest modulus first, without those at the origin (n,); the fraction of the gain at 0 Hz
@@ -39,10 +45,18 @@ def modal(channel: StateSpace) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     A, B, C = channel.A, channel.B.astype(complex), channel.C
     poles, vectors = np.linalg.eig(A)
-    residues = (C @ vectors)[0] * np.linalg.solve(vectors, B)[:, 0]
+    if np.linalg.cond(vectors) < DEFECTIVE:
+        residues = (C @ vectors)[0] * np.linalg.solve(vectors, B)[:, 0]
+    else:
+        # Delays of several samples are one mode at the origin with a single eigenvector; the others are as they were.
+        poles, left, vectors = eig(A, left=True)
+        scales = np.einsum("ij,ij->j", left.conj(), vectors)
+        residues = (C @ vectors)[0] * (left.conj().T @ B)[:, 0] / np.where(scales == 0.0, 1.0, scales)
     # At 0 Hz, z = 1, a mode with pole p and residue r contributes r / (1 - p).
     shares = np.abs(residues / (1.0 - poles)) / abs(channel.dc_gain()[0, 0])
     moving = np.abs(poles) > ORIGIN
+    if late:
+        shares = shares * np.abs(poles) ** late
     shown = moving & (shares > SILENT)
     zeros = channel.zeros()
     zeros = zeros[np.isfinite(zeros) & (np.abs(zeros) > ORIGIN) & (np.abs(zeros) < FAR)]
@@ -175,9 +189,11 @@ class Truth:
             )
         commanded = replace(channel, K=None)
         path = commanded.minimal(MINIMAL)
-        poles, shares, zeros = modal(commanded)
-        # 2 s of the pulse response: no bus delay is longer, and rounding stays below `DELAY`.
-        pulse = np.abs(path.markov(100)[:, 0, 0])
+        on_the_bus = self.arm.bus[name].delay
+        # The arms of the test bed have one sample, which their published shares include.
+        poles, shares, zeros = modal(commanded, max(on_the_bus - 1, 0))
+        # A hundred samples after the bus delay: rounding stays below `DELAY`.
+        pulse = np.abs(path.markov(100 + on_the_bus)[:, 0, 0])
         delay = int(np.argmax(pulse > DELAY * pulse.max()))
         # The delay is the excess of poles over zeros: those that `modal` has left out are at the origin.
         delay_poles = np.zeros(max(0, delay - len(poles) + len(zeros)))
