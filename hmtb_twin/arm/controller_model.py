@@ -30,7 +30,8 @@ class ControllerModel:
             self._model = pin.buildModelFromMJCF(str(path))
         self._model.gravity.linear = np.array([0.0, 0.0, -gravity])
         self._data = self._model.createData()
-        self._tool = self._model.getFrameId("tool")
+        # A joint or a link of the user's may have this name, too.
+        self._tool = self._model.getFrameId("tool", pin.FrameType.OP_FRAME)
 
     def gravity_torque(self, angles: Iterable[np.ndarray]) -> np.ndarray:
         """Return the torque that holds the arm at each pose.

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from hmtb_twin.arm_files.model_file import ModelFile, read_model_file
+from hmtb_twin.arm_files.model_file import ModelFile, gravity_of, read_model_file
 from hmtb_twin.arm_files.rigid_arm import RigidArm, rigid_arm
 from hmtb_twin.arm_files.second_reading import check_second_reading
 from hmtb_twin.files.errors import TwinError, shown
@@ -18,6 +18,9 @@ from hmtb_twin.parameters.payloads import Load, Payload
 from hmtb_twin.parameters.rules import joint_records, recorder
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
 from hmtb_twin.parameters.values import Motion
+
+OF_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Kinds of transmissions by which an actuator acts on a joint."""
 
 FAVOURITES = ("ready", "home", "standing", "half_sitting", "default", "middle")
 """Names of poses in which joints are preferably excited."""
@@ -52,8 +55,8 @@ def described_arm(name: str, path: Path, settings: ArmSettings) -> ArmDescriptio
     _check_chain_settings(settings)
     file = read_model_file(path)
     arm = rigid_arm(file, joints=settings.joints, locked=settings.locked, tool=settings.tool)
-    remarks = (*arm.remarks, *check_second_reading(file, arm))
-    gravity = -float(file.model.opt.gravity[2]) if settings.gravity is None else settings.gravity
+    remarks = (*arm.remarks, *check_second_reading(file, arm), *_unread_actuators(file.model))
+    gravity = -float(gravity_of(file.model)[2]) if settings.gravity is None else settings.gravity
     unknown = [joint for joint in settings.studied if joint not in arm.joints]
     if unknown:
         raise TwinError(f"studied: {', '.join(unknown)} given, available: {', '.join(arm.joints)}")
@@ -142,23 +145,36 @@ def _read(file: ModelFile, arm: RigidArm, joint: str) -> dict[str, float]:
     return read
 
 
-def _torque_limit(model: mujoco.MjModel, joint: int) -> float:
-    """Largest torque on a joint that an MJCF allows, N m; 0 where it gives none."""
-    limits = []
-    if model.jnt_actfrclimited[joint]:
-        limits.append(float(np.abs(model.jnt_actfrcrange[joint]).max()))
+def _unread_actuators(model: mujoco.MjModel) -> Iterator[str]:
+    """Say which actuators of an MJCF act on no joint alone, so that nothing is read of them."""
+    names = []
     for k in range(model.nu):
-        of_joint = model.actuator_trntype[k] == mujoco.mjtTrn.mjTRN_JOINT and model.actuator_trnid[k, 0] == joint
-        if not of_joint:
+        if int(model.actuator_trntype[k]) not in OF_JOINTS:
+            names.append(model.actuator(k).name or f"number {k}")
+    if names:
+        yield f"actuators that act on no joint alone give no torque limit: {', '.join(names)}"
+
+
+def _torque_limit(model: mujoco.MjModel, joint: int) -> float:
+    """Largest torque on a joint both ways that an MJCF allows, N m; 0 where it gives none."""
+    in_all = float(np.abs(model.jnt_actfrcrange[joint]).min()) if model.jnt_actfrclimited[joint] else np.inf
+    drives = []
+    for k in range(model.nu):
+        if int(model.actuator_trntype[k]) not in OF_JOINTS or model.actuator_trnid[k, 0] != joint:
             continue
         gear = abs(float(model.actuator_gear[k, 0]))
+        # An actuator may have several controls, with a row each.
+        control = int(model.actuator_ctrladr[k])
+        # A range that is not the same both ways has its smaller side both ways.
         if model.actuator_forcelimited[k]:
-            limits.append(gear * float(np.abs(model.actuator_forcerange[k]).max()))
-        elif model.actuator_ctrllimited[k] and model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE:
+            drives.append(gear * float(np.abs(model.actuator_forcerange[k]).min()))
+        elif model.actuator_ctrllimited[control] and model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE:
             # A motor: its control is a torque, or that over its gain.
             gain = abs(float(model.actuator_gainprm[k, 0]))
-            limits.append(gear * gain * float(np.abs(model.actuator_ctrlrange[k]).max()))
-    return min(limits, default=0.0)
+            drives.append(gear * gain * float(np.abs(model.actuator_ctrlrange[control]).min()))
+    # Several actuators of one joint pull together.
+    limit = min(in_all, sum(drives) if drives else np.inf)
+    return limit if np.isfinite(limit) else 0.0
 
 
 class Weights:

@@ -20,6 +20,14 @@ LEAST_INERTIA = "1e-14"
 NO_INERTIA = 1e-12
 """Moments of inertia up to which a link is a point, kg m^2: what programs write where they have none."""
 
+NUMBERS: Mapping[str, tuple[str, ...]] = {
+    "origin": ("xyz", "rpy"),
+    "axis": ("xyz",),
+    "mass": ("value",),
+    "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+}
+"""Attributes of a URDF that are finite numbers, by element."""
+
 ENDINGS = (".xml", ".mjcf", ".urdf")
 """Endings of model files."""
 
@@ -66,6 +74,13 @@ class ModelFile:
     unphysical: Mapping[str, str] = field(default_factory=dict)
 
 
+def gravity_of(model: mujoco.MjModel) -> np.ndarray:
+    """Acceleration of gravity (3,) of a model, m/s^2, which a flag may switch off."""
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        return np.zeros(3)
+    return np.array(model.opt.gravity)
+
+
 def read_model_file(path: Path) -> ModelFile:
     """Read and compile a model file.
 
@@ -91,33 +106,30 @@ def _text_of(path: Path) -> str:
             raise TwinError(f"{path.name}: {path.stat().st_size} bytes given, expected at most {LARGEST_FILE}")
         return path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "it is no text"
+        reason = error.strerror if isinstance(error, OSError) else "it is no text in UTF-8"
         raise TwinError(f"cannot read model file {str(path)!r}: {reason}") from error
 
 
 def _read_urdf(path: Path, root: ElementTree.Element) -> ModelFile:
     """Compile a URDF without its shapes, which have no part in its dynamics."""
+    _check_urdf(path.name, root)
+    for element in list(root):
+        # What simulators and planners keep in the file, as `gazebo` and `transmission`, is none of the arm.
+        if element.tag not in ("link", "joint"):
+            root.remove(element)
     facts = dict(_facts_of_joints(path.name, root))
     for link in root.iter("link"):
         # Meshes in forms that MuJoCo does not read would keep it from reading the links.
         for shape in [*link.findall("visual"), *link.findall("collision")]:
             link.remove(shape)
     for joint in root.findall("joint"):
-        limit = joint.find("limit")
-        # MuJoCo would warn on the terminal; a rule supplies the range.
-        if limit is not None and not _number(limit, "lower", 0.0) < _number(limit, "upper", 0.0):
-            for end in ("lower", "upper"):
-                limit.attrib.pop(end, None)
-            if joint.get("type") == "revolute":
-                joint.set("type", "continuous")
+        _settle_range(path.name, joint)
     followers = []
     for joint in root.findall("joint"):
         # Links of a gripper's linkage often have no mass, which only a body that stands still may lack.
         if facts[str(joint.get("name"))].mimics or joint.get("type") in ("floating", "planar"):
             joint.set("type", "fixed")
             followers.append(str(joint.get("name")))
-    for extension in root.findall("mujoco"):
-        root.remove(extension)
     extension = ElementTree.SubElement(root, "mujoco")
     # Fixed links keep their names, one of which may be the tool's.
     ElementTree.SubElement(extension, "compiler", {"fusestatic": "false"})
@@ -138,8 +150,63 @@ def _read_urdf(path: Path, root: ElementTree.Element) -> ModelFile:
     return ModelFile(path, True, _compiled_urdf(path.name, root), facts, remarks, unphysical)
 
 
+def _check_urdf(name: str, root: ElementTree.Element) -> None:
+    """Raise `TwinError` for a URDF that is not expanded, links of one name, or numbers that are none."""
+    links: set[str] = set()
+    for element in root.iter():
+        if "wiki/xacro" in str(element.tag):
+            raise TwinError(f"{name}: macros of xacro given, expected the URDF that xacro makes of them")
+        if element.tag == "link":
+            link = str(element.get("name"))
+            if link in links:
+                raise TwinError(f"{name}: two links with the name {shown(link)} given, expected different names")
+            links.add(link)
+        if element.tag == "mass" and _number(element, "value", 0.0) < 0.0:
+            raise TwinError(f"{name}: a mass of {element.get('value')} kg given, expected 0 or more")
+        for attribute in NUMBERS.get(str(element.tag), ()):
+            for text in str(element.get(attribute, "")).split():
+                try:
+                    is_finite = abs(float(text)) < float("inf")
+                except ValueError:
+                    is_finite = False
+                if not is_finite:
+                    raise TwinError(
+                        f"{name}: <{element.tag} {attribute}={shown(element.get(attribute))}> given, expected finite "
+                        "numbers"
+                    )
+
+
+def _settle_range(name: str, joint: ElementTree.Element) -> None:
+    """Write both ends of a joint's range, or none; an end that is missing is zero, as URDF has it.
+
+    Raises:
+        TwinError: A range whose lower end is not below its upper one, or with one end that is infinite.
+    """
+    limit = joint.find("limit")
+    if limit is None:
+        return
+    lower, upper = (_number(limit, end, 0.0) for end in ("lower", "upper"))
+    # Zero to zero is what programs write who know no range, and so is all there is; a rule supplies it.
+    if lower == upper == 0.0 or (lower, upper) == (-float("inf"), float("inf")):
+        for end in ("lower", "upper"):
+            limit.attrib.pop(end, None)
+        if joint.get("type") == "revolute":
+            joint.set("type", "continuous")
+        return
+    if joint.get("type") in ("revolute", "prismatic") and not -float("inf") < lower < upper < float("inf"):
+        raise TwinError(
+            f"{name}: joint {joint.get('name')} with the range {limit.get('lower', '0')} to {limit.get('upper', '0')} "
+            "given, expected a lower end below the upper one"
+        )
+    limit.set("lower", repr(lower))
+    limit.set("upper", repr(upper))
+
+
 def _compiled_urdf(name: str, root: ElementTree.Element) -> mujoco.MjModel:
-    text = ElementTree.tostring(root, encoding="unicode")
+    try:
+        text = ElementTree.tostring(root, encoding="unicode")
+    except RecursionError as error:
+        raise TwinError(f"{name}: elements nested too deeply, expected those of a robot") from error
     return _compiled(name, _parsed(name, lambda: mujoco.MjSpec.from_string(text)))
 
 
@@ -218,10 +285,10 @@ def _facts_of_joints(name: str, root: ElementTree.Element) -> Iterator[tuple[str
             joint_name,
             JointFacts(
                 kind=str(joint.get("type", "")),
-                effort=_positive(limit, "effort"),
-                velocity=_positive(limit, "velocity"),
-                coulomb=_positive(dynamics, "friction"),
-                viscous=_positive(dynamics, "damping"),
+                effort=_positive(name, joint_name, limit, "effort"),
+                velocity=_positive(name, joint_name, limit, "velocity"),
+                coulomb=_positive(name, joint_name, dynamics, "friction"),
+                viscous=_positive(name, joint_name, dynamics, "damping"),
                 mimics="" if mimic is None else str(mimic.get("joint", "")),
             ),
         )
@@ -234,18 +301,29 @@ def _number(element: ElementTree.Element, attribute: str, missing: float) -> flo
         return missing
 
 
-def _positive(element: ElementTree.Element | None, attribute: str) -> float | None:
-    """A number above zero; None where there is none, as zero is written where a number is not known."""
+def _positive(file: str, joint: str, element: ElementTree.Element | None, attribute: str) -> float | None:
+    """A number above zero; None where there is none, as zero is written where a number is not known.
+
+    Raises:
+        TwinError: It is below zero, or not a number.
+    """
     value = 0.0 if element is None else _number(element, attribute, 0.0)
+    if not value >= 0.0:
+        raise TwinError(f"{file}: {attribute} = {value:g} of joint {joint} given, expected 0 or more")
     return value if 0.0 < value < float("inf") else None
 
 
 def _read_mjcf(path: Path) -> ModelFile:
     """Compile an MJCF; meshes that are missing are left out where bodies have inertias of their own."""
+    _check_files(path, path, ())
     spec = _parsed(path.name, lambda: mujoco.MjSpec.from_file(str(path)))
     _check_paths(path, spec)
     try:
-        return ModelFile(path, False, spec.compile())
+        model = spec.compile()
+        _check_finite(path.name, model)
+        return ModelFile(path, False, model)
+    except TwinError:
+        raise
     except ValueError as error:
         without = mujoco.MjSpec.from_file(str(path))
         missing = [geom for geom in without.geoms if geom.type == mujoco.mjtGeom.mjGEOM_MESH]
@@ -256,7 +334,52 @@ def _read_mjcf(path: Path) -> ModelFile:
     for asset in (*without.meshes, *without.textures, *without.materials):
         without.delete(asset)
     remark = f"{len(missing)} meshes are missing or do not load: they are left out"
-    return ModelFile(path, False, _compiled(path.name, without), remarks=(remark,))
+    model = _compiled(path.name, without)
+    _check_finite(path.name, model)
+    return ModelFile(path, False, model, remarks=(remark,))
+
+
+def _check_files(top: Path, path: Path, above: tuple[Path, ...]) -> None:
+    """Raise `TwinError` if an MJCF, or one that it includes, names a file outside the folder of the model."""
+    try:
+        root = ElementTree.fromstring(path.read_text(encoding="utf-8-sig"))
+    except (OSError, UnicodeDecodeError, ElementTree.ParseError):
+        # MuJoCo says it better.
+        return
+    folder = top.parent.resolve()
+    for element in root.iter():
+        if element.tag not in ("include", "model", "hfield", "skin") or not element.get("file"):
+            continue
+        place = (folder / str(element.get("file"))).resolve()
+        if not place.is_relative_to(folder):
+            raise TwinError(
+                f"{top.name}: file {shown(element.get('file'))} given, which lies outside the folder of the model; "
+                "expected files beside the model or below"
+            )
+        # MuJoCo refuses a file that includes itself.
+        if element.tag == "include" and place not in above and place != path.resolve():
+            _check_files(top, place, (*above, path.resolve()))
+
+
+def _check_finite(name: str, model: mujoco.MjModel) -> None:
+    """Raise `TwinError` for numbers of a model that are none, or below zero where none can be."""
+    for what in ("body_pos", "body_quat", "body_ipos", "body_mass", "body_inertia", "jnt_pos", "jnt_axis", "qpos0"):
+        if not np.isfinite(getattr(model, what)).all():
+            raise TwinError(f"{name}: {what} of the model has values that are not finite, expected finite numbers")
+    if not np.isfinite(model.opt.gravity).all():
+        raise TwinError(f"{name}: gravity {model.opt.gravity.tolist()} given, expected finite numbers")
+    for what in ("damping", "armature", "frictionloss"):
+        values = getattr(model, f"dof_{what}")
+        for dof in np.flatnonzero(~((values >= 0.0) & np.isfinite(values))):
+            joint = model.joint(int(model.dof_jntid[dof])).name
+            raise TwinError(f"{name}: {what} = {values[dof]:g} of joint {joint} given, expected 0 or more")
+    for joint in range(model.njnt):
+        low, high = model.jnt_range[joint]
+        if (low or high) and not -np.inf < low < high < np.inf:
+            raise TwinError(
+                f"{name}: range {low:g} to {high:g} rad of joint {model.joint(joint).name} given, expected a lower end "
+                "below the upper one"
+            )
 
 
 def _check_paths(path: Path, spec: mujoco.MjSpec) -> None:

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 import mujoco
 import numpy as np
 
-from hmtb_twin.arm_files.model_file import ModelFile
+from hmtb_twin.arm_files.model_file import ModelFile, gravity_of
 from hmtb_twin.files.errors import TwinError, shown
 
 GRIPPER = re.compile(r"grip|finger|thumb|knuckle|jaw|claw|hand(?!le)|palm", re.IGNORECASE)
@@ -23,6 +23,9 @@ VALID_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]{0,63}")
 
 MOST_JOINTS = 100
 """Most joints of an arm: more are none."""
+
+ROOT_FRAME = "universe"
+"""Name of what the controller's model hangs on."""
 
 PAYLOAD_BODY, TOOL_SITE, SENSOR_SITE = "payload", "tool", "wrist_sensor"
 """Names in the MJCF of every arm: the body that carries the payload, and sites in its frame."""
@@ -89,6 +92,8 @@ def _chosen(file: ModelFile, wanted: Sequence[str], locked: Mapping[str, float])
     for joint in (*wanted, *locked):
         if joint not in names:
             raise TwinError(f"{name}: unknown joint {shown(joint)}, available: {', '.join(names) or 'none'}")
+        if joint in wanted and joint in locked:
+            raise TwinError(f"{name}: joint {joint} given in joints and in locked, expected one of them")
     followers = _followers(file)
     if wanted:
         ids = [names.index(joint) for joint in wanted]
@@ -107,6 +112,8 @@ def _chosen(file: ModelFile, wanted: Sequence[str], locked: Mapping[str, float])
                 f"{name}: joint name {shown(names[i])} given, expected letters, digits, '_', '.', '-' or '+', at most "
                 "64: files are named after it"
             )
+        if names[i] == ROOT_FRAME:
+            raise TwinError(f"{name}: joint name {ROOT_FRAME} given, expected another: the controller's model has it")
     # MuJoCo numbers joints from the base outward.
     ordered = sorted(ids)
     if list(ids) != ordered or len(set(ids)) < len(ids):
@@ -143,13 +150,27 @@ def _check_kind(file: ModelFile, joint: int, followers: Mapping[int, str]) -> No
 
 
 def _followers(file: ModelFile) -> dict[int, str]:
-    """Joints that follow another one by an equality of MJCF, with the name of the one they follow."""
+    """Joints that follow another one, or are fixed, by an equality of MJCF, with what they follow."""
     model = file.model
     followers = {}
     for k in range(model.neq):
-        if model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj2id[k] >= 0:
-            followers[int(model.eq_obj1id[k])] = model.joint(int(model.eq_obj2id[k])).name
+        if model.eq_type[k] != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[k]:
+            continue
+        leader = int(model.eq_obj2id[k])
+        followers[int(model.eq_obj1id[k])] = model.joint(leader).name if leader >= 0 else "a fixed angle"
     return followers
+
+
+def _fixed_angles(model: mujoco.MjModel) -> dict[int, float]:
+    """Angles or displacements at which equalities of MJCF fix joints without a leader, rad or m."""
+    angles = {}
+    for k in range(model.neq):
+        is_fixed = model.eq_type[k] == mujoco.mjtEq.mjEQ_JOINT and model.eq_obj2id[k] < 0 and model.eq_active0[k]
+        if is_fixed:
+            joint = int(model.eq_obj1id[k])
+            # The polynomial gives the distance from the reference angle.
+            angles[joint] = float(model.eq_data[k, 0] + model.qpos0[model.jnt_qposadr[joint]])
+    return angles
 
 
 def _longest_chain(file: ModelFile, followers: Mapping[int, str], locked: Mapping[str, float]) -> list[int]:
@@ -190,10 +211,23 @@ def _check_model(file: ModelFile, ids: Sequence[int]) -> None:
             raise TwinError(
                 f"{name}: a constraint between two bodies closes a chain, expected an arm whose bodies are a tree"
             )
+        if kind == mujoco.mjtEq.mjEQ_TENDON and model.eq_active0[k]:
+            raise TwinError(
+                f"{name}: a constraint between tendons given, expected none: joints have drives of their own"
+            )
+    for tendon in range(model.ntendon):
+        for what in ("stiffness", "damping", "frictionloss", "armature", "stiffnesspoly", "dampingpoly"):
+            if np.any(getattr(model, f"tendon_{what}")[tendon]):
+                raise TwinError(
+                    f"{name}: tendon {model.tendon(tendon).name or tendon} has {what.removesuffix('poly')}, expected "
+                    "none: the drives act on joints alone"
+                )
     for i in ids:
         joint = model.joint(i).name
-        if float(np.max(np.abs(model.jnt_stiffness[i]))) > 0.0:
+        if model.jnt_stiffness[i] or np.any(model.jnt_stiffnesspoly[i]):
             raise TwinError(f"{name}: joint {joint} has a spring, expected none: the servo's model does not know it")
+        if np.any(model.dof_dampingpoly[model.jnt_dofadr[i]]):
+            raise TwinError(f"{name}: joint {joint} has damping that grows with its speed, expected a constant one")
         shares_body = int(model.body_jntnum[model.jnt_bodyid[i]]) > 1
         # The axis of the outer one would turn with the angle at which the inner one is drawn.
         if shares_body and model.qpos0[model.jnt_qposadr[i]]:
@@ -206,7 +240,7 @@ def _check_model(file: ModelFile, ids: Sequence[int]) -> None:
         link = model.body(body).name
         if link in file.unphysical and moving & set(_ancestors(model, body)):
             raise TwinError(f"{name}: the arm moves the link {link}, which is given {file.unphysical[link]}")
-    gravity = model.opt.gravity
+    gravity = gravity_of(model)
     if gravity[0] or gravity[1] or gravity[2] > 0.0:
         shown_gravity = " ".join(f"{value:g}" for value in gravity)
         raise TwinError(f"{name}: gravity {shown_gravity} given, expected one along -z, or none")
@@ -218,17 +252,27 @@ def _check_model(file: ModelFile, ids: Sequence[int]) -> None:
 
 def _held(file: ModelFile, ids: Sequence[int], locked: Mapping[str, float]) -> dict[str, float]:
     """Where joints are held that are none of the arm's; a floating base stays where it is."""
-    model, held = file.model, {}
+    model, fixed = file.model, _fixed_angles(file.model)
+    held: dict[str, float] = {}
     for i in range(model.njnt):
         # A floating base stays where the file puts it.
         if i in ids or _kind(model, i) in ("free", "ball"):
             continue
         name = model.joint(i).name
+        low, high = model.jnt_range[i] if model.jnt_limited[i] else (-np.inf, np.inf)
+        angle = float(np.clip(fixed.get(i, 0.0), low, high))
         if name in locked:
-            held[name] = float(locked[name])
-        else:
-            low, high = model.jnt_range[i] if model.jnt_limited[i] else (-np.inf, np.inf)
-            held[name] = float(np.clip(0.0, low, high))
+            angle = float(locked[name])
+            if not low <= angle <= high:
+                raise TwinError(
+                    f"{file.path.name}: joint {name} locked at {angle:g} given, expected {low:g} to {high:g}, its range"
+                )
+        if not name and angle:
+            raise TwinError(
+                f"{file.path.name}: a joint without a name has to be held at {angle:g}, expected a name of its own"
+            )
+        if name or not held.get(name):
+            held[name] = angle
     return held
 
 
@@ -292,11 +336,10 @@ def _mjcf(name: str, model: mujoco.MjModel, data: mujoco.MjData, ids: Sequence[i
     links = list(dict.fromkeys(int(model.jnt_bodyid[i]) for i in ids))
     origin: Pose = (np.zeros(3), np.eye(3))
     # Bodies that no joint of the arm parts become one link; those that stand still are the ground.
-    for place, link in enumerate(links):
+    for link, link_name in zip(links, _link_names(model, links), strict=True):
         frame = (data.xpos[link], data.xmat[link].reshape(3, 3))
-        link_name = model.body(link).name or f"link_{place + 1}"
         parent = _add_body(parent, link_name, origin, frame)
-        fixed = _moved_by(model, link, links[place + 1 :])
+        fixed = _moved_by(model, link, links[links.index(link) + 1 :])
         _add_inertia(name, link_name, parent, model, data, fixed, frame)
         for i in ids:
             if model.jnt_bodyid[i] == link:
@@ -311,6 +354,21 @@ def _mjcf(name: str, model: mujoco.MjModel, data: mujoco.MjData, ids: Sequence[i
     ElementTree.SubElement(sensor, "force", {"name": "wrist_force", "site": SENSOR_SITE})
     ElementTree.SubElement(sensor, "torque", {"name": "wrist_torque", "site": SENSOR_SITE})
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _link_names(model: mujoco.MjModel, links: Sequence[int]) -> list[str]:
+    """Names of the links of the arm: those of the file, where nothing else has them."""
+    names: list[str] = []
+    taken = {PAYLOAD_BODY, TOOL_SITE, SENSOR_SITE, ROOT_FRAME, *(model.body(link).name for link in links)}
+    for place, link in enumerate(links, start=1):
+        name = model.body(link).name
+        if not name or name in (PAYLOAD_BODY, TOOL_SITE, SENSOR_SITE, ROOT_FRAME):
+            name = f"link_{place}"
+            while name in taken:
+                name += "_"
+        taken.add(name)
+        names.append(name)
+    return names
 
 
 def _moved_by(model: mujoco.MjModel, link: int, later: Sequence[int]) -> list[int]:

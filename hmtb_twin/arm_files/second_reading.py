@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from hmtb_twin.arm_files.model_file import ModelFile
+from hmtb_twin.arm_files.model_file import ModelFile, gravity_of
 from hmtb_twin.arm_files.rigid_arm import TOOL_SITE, RigidArm
 from hmtb_twin.files.errors import TwinError
 
@@ -40,9 +40,9 @@ def check_second_reading(file: ModelFile, arm: RigidArm) -> tuple[str, ...]:
         peer = _from_mjcf(arm.mjcf)
     # What a file says of rotors is part of the drives, not of the links.
     peer.armature[:] = 0.0
-    peer.gravity.linear = np.array(file.model.opt.gravity)
+    peer.gravity.linear = gravity_of(file.model)
     model = mujoco.MjModel.from_xml_string(arm.mjcf)
-    model.opt.gravity = file.model.opt.gravity
+    model.opt.gravity = gravity_of(file.model)
     data, scratch = mujoco.MjData(model), peer.createData()
     frame = _frame(peer, TOOL_SITE if remarks else arm.tool)
     # Far from zero, where wrong axes or frames would not show.
@@ -89,6 +89,7 @@ def _reduced(file: ModelFile, arm: RigidArm) -> pin.Model:
     """The arm as Pinocchio reads it from the file itself, all other joints held."""
     whole = pin.buildModelFromXML(_unambiguous(file)) if file.is_urdf else pin.buildModelFromMJCF(str(file.path))
     q = pin.neutral(whole)
+    _set_floating(whole, q, file.model)
     locked = []
     for k in range(1, whole.njoints):
         name = whole.names[k].removesuffix(JOINT)
@@ -118,20 +119,34 @@ def _unambiguous(file: ModelFile) -> str:
     return ElementTree.tostring(root, encoding="unicode")
 
 
-def _set_angle(model: pin.Model, q: np.ndarray, joint: int, angle: float) -> None:
-    """Set the angle of a joint in a configuration; one without limits is held as cosine and sine."""
+def _set_floating(whole: pin.Model, q: np.ndarray, model: mujoco.MjModel) -> None:
+    """Set what floats where the file puts it: Pinocchio's neutral configuration has it at the origin."""
+    floating = [k for k in range(1, whole.njoints) if whole.nqs[k] == 7]
+    free = [i for i in range(model.njnt) if model.jnt_type[i] == mujoco.mjtJoint.mjJNT_FREE]
+    for k, i in zip(floating, free, strict=False):
+        first, start = whole.idx_qs[k], model.jnt_qposadr[i]
+        position, quaternion = model.qpos0[start : start + 3], model.qpos0[start + 3 : start + 7]
+        # MuJoCo's quaternions have the scalar first, Pinocchio's last.
+        q[first : first + 7] = np.concatenate([position, np.roll(quaternion, -1)])
+
+
+def _set_angle(model: pin.Model, q: np.ndarray, joint: int, *angles: float) -> None:
+    """Set the angles of a joint in a configuration; one without limits is held as cosine and sine."""
     first, numbers = model.idx_qs[joint], model.nqs[joint]
-    if numbers == 1:
-        q[first] = angle
+    if numbers == model.nvs[joint]:
+        # Two hinges of one body are one joint to Pinocchio.
+        q[first : first + numbers] = angles
     elif numbers == 2:
+        (angle,) = angles
         q[first : first + 2] = np.cos(angle), np.sin(angle)
 
 
 def _configuration(model: pin.Model, angles: np.ndarray) -> np.ndarray:
     """Configuration of a model for the angles (n,), rad, of its joints."""
     q = pin.neutral(model)
-    for joint, angle in enumerate(angles, start=1):
-        _set_angle(model, q, joint, float(angle))
+    for joint in range(1, model.njoints):
+        first = model.idx_vs[joint]
+        _set_angle(model, q, joint, *map(float, angles[first : first + model.nvs[joint]]))
     return q
 
 

@@ -95,6 +95,24 @@ MAY_VANISH = (
 )
 """Numbers of a joint that may be zero."""
 
+BOUNDS: Mapping[str, tuple[float, float]] = {
+    **dict.fromkeys(("lower", "upper"), (-1000.0, 1000.0)),
+    **dict.fromkeys(("velocity", "no_load_speed", "stribeck_velocity"), (1e-3, 1e4)),
+    "slip_velocity": (1e-5, 10.0),
+    **dict.fromkeys(("slow_pole", "fast_pole"), (-1e5, -1e-3)),
+    **dict.fromkeys(("effort", "coulomb", "viscous"), (1e-6, 1e7)),
+    **dict.fromkeys(("kp", "kd"), (1e-6, 1e10)),
+    **dict.fromkeys(("coulomb_part", "viscous_part", "load_loss"), (1e-9, 1.0)),
+    **dict.fromkeys(("armature", "rotor_inertia"), (1e-12, 1e5)),
+    **dict.fromkeys(("electrical_lag", "torque_lag", "bristle_time"), (1e-6, 10.0)),
+    **{"bandwidth": (1e-3, 500.0), "damping": (1.0, 1e3), "static_ratio": (1.0, 100.0), "delay": (0.0, 100.0)},
+    **{"gear_ratio": (1e-2, 1e5), "current": (1e-4, 1e5), "torque_constant": (1e-6, 1e4), "resistance": (1e-6, 1e6)},
+    **{"bus_voltage": (1e-2, 1e5), "brake_part": (1e-3, 100.0), "oil_damping": (1e-3, 10.0)},
+    **{"displacement": (1e-4, 1e6), "trapped_volume": (1e-4, 1e8)},
+}
+"""Least and largest of the numbers of a joint, but for zero where it may be zero: what no machine has is an error in
+typing or in units, and would give numbers that are none."""
+
 OF_ONE_KIND: Mapping[str, tuple[str, ...]] = {
     "electric": (
         "armature", "rotor_inertia", "gear_ratio", "current", "electrical_lag", "torque_constant", "resistance",

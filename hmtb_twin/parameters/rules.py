@@ -7,7 +7,15 @@ from math import pi
 
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.arm_description import LEAST_VOLUME
-from hmtb_twin.parameters.arm_toml import RESOLVER_UNITS, UNITS, ArmSettings, Given, JointSettings, ResolverSettings
+from hmtb_twin.parameters.arm_toml import (
+    BOUNDS,
+    RESOLVER_UNITS,
+    UNITS,
+    ArmSettings,
+    Given,
+    JointSettings,
+    ResolverSettings,
+)
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive, ElectricDrive, Friction, GearFriction
 from hmtb_twin.parameters.quantity import Provenance
 from hmtb_twin.parameters.values import RECORDER, BusTerminal, Motion, Recorder, Servo
@@ -81,7 +89,10 @@ class Numbers:
         return None if own is None else self.note(name, own.value, own.tag, own.source)
 
     def note(self, name: str, value: float, tag: str, source: str) -> float:
-        """Note where a number is from, and return it."""
+        """Note where a number is from, and return it; raises `TwinError` for one that no machine has."""
+        low, high = BOUNDS[name]
+        if tag != "assumed" and value != 0.0 and not low <= value <= high:
+            raise TwinError(f"{self.joint}: {name} = {value:g} given, expected {low:g} to {high:g}, in {UNITS[name]}")
         self.table.append(Provenance(self.joint, name.replace("_", " "), value, UNITS[name], tag, source))
         return value
 
@@ -141,7 +152,7 @@ def joint_records(
         joint = one.joint
         efforts[joint] = effort(one, settings.drives, weight)
         drives[joint] = drive(one, settings.drives, efforts[joint], motions[joint])
-        servos[joint] = servo(one)
+        servos[joint] = servo(one, settings.sample_rate)
         bus[joint] = bus_terminal(one)
     table = tuple(chain.from_iterable(one.table for one in numbers))
     return JointRecords(motions, efforts, drives, servos, bus, _given_gains(numbers), table)
@@ -174,6 +185,10 @@ def motion(numbers: Numbers) -> Motion:
     """Range of a joint and velocity limit of its command."""
     lower = numbers.number("lower", -WIDEST, "half a turn either way: its file gives no range")
     upper = numbers.number("upper", WIDEST, "half a turn either way: its file gives no range")
+    if not lower < upper:
+        raise TwinError(
+            f"{numbers.joint}: a range from {lower:g} to {upper:g} rad given, expected a lower end below the upper one"
+        )
     velocity = numbers.number("velocity", SWIFT, "half a turn a second: its file gives no limit")
     return Motion(lower, upper, velocity)
 
@@ -282,6 +297,10 @@ def _friction(numbers: Numbers, usual: Friction, torque: float, speed: float) ->
     slip = numbers.own("slip_velocity")
     damping, load_loss = numbers.own("bristle_time"), numbers.own("load_loss") or 0.0
     # Bristles of a joint without load would have no friction to carry.
+    if coulomb >= torque:
+        raise TwinError(
+            f"{numbers.joint}: coulomb = {coulomb:g} N m given, expected less than the largest torque of {torque:g} N m"
+        )
     if load_loss > 0.0 and coulomb == 0.0:
         raise TwinError(f"{numbers.joint}: load_loss = {load_loss:g} without Coulomb friction given, expected some")
     if load_loss >= 1.0:
@@ -315,8 +334,8 @@ def drive(numbers: Numbers, kind: str, torque: float, motion_of_joint: Motion) -
     return electric_drive(numbers, torque, velocity)
 
 
-def servo(numbers: Numbers) -> Servo:
-    """Wanted poles of a joint's position servo."""
+def servo(numbers: Numbers, sample_rate: int) -> Servo:
+    """Wanted poles of a joint's position servo at a rate in Hz."""
     slow, fast = numbers.own("slow_pole"), numbers.own("fast_pole")
     if slow is None:
         bandwidth = numbers.number("bandwidth", BANDWIDTH, "of a position servo; those of robots reach several Hz")
@@ -324,6 +343,11 @@ def servo(numbers: Numbers) -> Servo:
         slow = -2.0 * pi * bandwidth
     if fast is None:
         fast = numbers.number("damping", SPREAD, "faster pole over the slower one: well damped") * slow
+    if -slow > pi * sample_rate:
+        raise TwinError(
+            f"{numbers.joint}: a servo of {-slow / (2.0 * pi):.3g} Hz given, expected at most {sample_rate / 2:g} Hz, "
+            "half the rate of the position loop: no record would show it"
+        )
     # Exchanged poles are a slip of the pen: the slower one decides the bandwidth.
     if fast > slow:
         raise TwinError(f"{numbers.joint}: a faster pole of {fast:g} rad/s given, expected one below {slow:g}")
