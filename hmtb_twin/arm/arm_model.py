@@ -106,7 +106,10 @@ def tuned_gains(variant: ArmDescription, plant: Plant = NOMINAL_PLANT) -> dict[s
     gains = {}
     for name, joint_inertia in zip(variant.joints, inertia, strict=True):
         drive = variant.actuators[name]
-        tuned = servo_gains(float(joint_inertia), variant.servos[name], drive, law)
+        try:
+            tuned = servo_gains(float(joint_inertia), variant.servos[name], drive, law)
+        except TwinError as error:
+            raise TwinError(f"{variant.name}: the servo of {name.replace('_', ' ')}: {error}") from error
         if law == "flow" and isinstance(drive, Actuator):
             tuned = gains_for_slope(tuned, float(joint_inertia), drive, plant.load_flow_slope)
         if name in variant.given_gains:

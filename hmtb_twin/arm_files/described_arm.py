@@ -155,6 +155,13 @@ def _unread_actuators(model: mujoco.MjModel) -> Iterator[str]:
         yield f"actuators that act on no joint alone give no torque limit: {', '.join(names)}"
 
 
+def _is_limited_motor(model: mujoco.MjModel, actuator: int) -> bool:
+    """Whether the control of an actuator is a torque, or that over its gain, and has a range."""
+    is_motor = model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+    has_control = model.actuator_ctrlnum[actuator] > 0
+    return bool(is_motor and has_control and model.actuator_ctrllimited[model.actuator_ctrladr[actuator]])
+
+
 def _torque_limit(model: mujoco.MjModel, joint: int) -> float:
     """Largest torque on a joint both ways that an MJCF allows, N m; 0 where it gives none."""
     in_all = float(np.abs(model.jnt_actfrcrange[joint]).min()) if model.jnt_actfrclimited[joint] else np.inf
@@ -163,15 +170,12 @@ def _torque_limit(model: mujoco.MjModel, joint: int) -> float:
         if int(model.actuator_trntype[k]) not in OF_JOINTS or model.actuator_trnid[k, 0] != joint:
             continue
         gear = abs(float(model.actuator_gear[k, 0]))
-        # An actuator may have several controls, with a row each.
-        control = int(model.actuator_ctrladr[k])
         # A range that is not the same both ways has its smaller side both ways.
         if model.actuator_forcelimited[k]:
             drives.append(gear * float(np.abs(model.actuator_forcerange[k]).min()))
-        elif model.actuator_ctrllimited[control] and model.actuator_biastype[k] == mujoco.mjtBias.mjBIAS_NONE:
-            # A motor: its control is a torque, or that over its gain.
+        elif _is_limited_motor(model, k):
             gain = abs(float(model.actuator_gainprm[k, 0]))
-            drives.append(gear * gain * float(np.abs(model.actuator_ctrlrange[control]).min()))
+            drives.append(gear * gain * float(np.abs(model.actuator_ctrlrange[model.actuator_ctrladr[k]]).min()))
     # Several actuators of one joint pull together.
     limit = min(in_all, sum(drives) if drives else np.inf)
     return limit if np.isfinite(limit) else 0.0

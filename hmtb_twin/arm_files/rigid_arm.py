@@ -11,6 +11,7 @@ import numpy as np
 
 from hmtb_twin.arm_files.model_file import ModelFile, gravity_of
 from hmtb_twin.files.errors import TwinError, shown
+from hmtb_twin.parameters.arm_toml import STRONGEST
 
 GRIPPER = re.compile(r"grip|finger|thumb|knuckle|jaw|claw|hand(?!le)|palm", re.IGNORECASE)
 """Names of joints of a gripper, which is no part of the arm."""
@@ -241,9 +242,9 @@ def _check_model(file: ModelFile, ids: Sequence[int]) -> None:
         if link in file.unphysical and moving & set(_ancestors(model, body)):
             raise TwinError(f"{name}: the arm moves the link {link}, which is given {file.unphysical[link]}")
     gravity = gravity_of(model)
-    if gravity[0] or gravity[1] or gravity[2] > 0.0:
+    if gravity[0] or gravity[1] or not -STRONGEST <= gravity[2] <= 0.0:
         shown_gravity = " ".join(f"{value:g}" for value in gravity)
-        raise TwinError(f"{name}: gravity {shown_gravity} given, expected one along -z, or none")
+        raise TwinError(f"{name}: gravity {shown_gravity} given, expected one along -z of at most {STRONGEST:g} m/s2")
     if model.opt.density or model.opt.viscosity:
         raise TwinError(f"{name}: a medium with density or viscosity given, expected none")
     if (model.body_gravcomp != 0.0).any():

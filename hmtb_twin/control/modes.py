@@ -193,8 +193,11 @@ def axis_gains(mode: str, axes: tuple[str, ...], parameters: HandController) -> 
     joint = parameters.rate_gain if rate else parameters.gain
     translation = parameters.translation_rate_gain if rate else parameters.translation_gain
     rotation = parameters.rotation_rate_gain if rate else parameters.rotation_gain
+    if not mode.startswith("cartesian"):
+        # A joint may have any name, also that of an axis of the tool.
+        return np.full(len(axes), joint)
     gains = {"x": translation, "y": translation, "z": translation, "roll": rotation, "pitch": rotation, "yaw": rotation}
-    return np.array([gains.get(name, joint) for name in axes])
+    return np.array([gains[name] for name in axes])
 
 
 def start_mode(experiment: Experiment, arm: Arm) -> Mode:

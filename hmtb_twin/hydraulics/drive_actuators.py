@@ -6,6 +6,7 @@ from math import ceil, sqrt
 import mujoco
 import numpy as np
 
+from hmtb_twin.files.errors import TwinError
 from hmtb_twin.hydraulics import valve_equations as eq
 from hmtb_twin.hydraulics.callbacks import install_equations
 from hmtb_twin.parameters.drives import RATED_PRESSURE, Actuator, Drive
@@ -17,6 +18,9 @@ ORIFICE_STEP = 0.001
 """Physics step of an arm with orifice actuators, s, by the Runge-Kutta method of fourth order.
 
 By the first-order integrators of MuJoCo the oil's resonance on a light joint needs a tenth of it."""
+
+MOST_STEPS = 5000
+"""Most steps of the physics in a tick: a minute of motion would take hours."""
 
 FASTEST_BRISTLES = 1000.0
 """Fastest rate at which bristles settle and damp a joint, 1/s; their stiffness is at most twice the inertia times its
@@ -75,7 +79,13 @@ def add_linear_drives(
         if refine:
             # Accuracy: K / sqrt(L J) is the resonance of the oil (or inductance) with the inertia.
             steps_per_tick.append(ceil(model_steps * motor.constant / sqrt(motor.inductance * inertia) / FASTEST_OIL))
-    spec.option.timestep = sample_time / max(steps_per_tick)
+    steps = max(steps_per_tick)
+    if steps > MOST_STEPS:
+        raise TwinError(
+            f"a drive, servo or friction so fast that a tick takes {steps:.3g} steps of the physics given, expected at "
+            f"most {MOST_STEPS}: look for a lag, an inertia or a friction in other units"
+        )
+    spec.option.timestep = sample_time / steps
 
 
 def add_orifice_actuators(

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from hashlib import sha256
 from math import inf
 
 import numpy as np
@@ -146,6 +147,15 @@ class ArmDescription:
     def __repr__(self) -> str:
         """Name the arm and its joints, not its numbers."""
         return f"ArmDescription({self.name!r}, joints=({', '.join(self.joints)}), {self.description!r})"
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of everything that decides how the arm moves and what is recorded of it."""
+        moving = ("joints", "motions", "actuators", "servos", "bus", "gravity", "links", "servo", "indexed")
+        told = [getattr(self, name) for name in (*moving, "sample_rate", "power_unit", "recorder", "given_gains")]
+        # Poses and payloads are named in a log, which has to find the same ones under these names.
+        told += [self.poses, self.payloads, "" if self.rigid is None else self.rigid.mjcf]
+        return sha256(repr(told).encode()).hexdigest()
 
     @property
     def sample_time(self) -> float:

@@ -319,6 +319,9 @@ class ArmSettings:
         return JointSettings(**chosen)
 
 
+STRONGEST = 1000.0
+"""Largest acceleration of gravity, m/s^2."""
+
 SLOWEST, FASTEST = 50, 1000
 """Rates of the position loop, Hz."""
 
@@ -421,8 +424,8 @@ def _plain_settings(table: Mapping[str, Any]) -> dict[str, Any]:
             values[key] = tuple(_text(key, name) for name in _sequence(key, table[key]))
     if "gravity" in table:
         values["gravity"] = _finite("gravity", table["gravity"])
-        if values["gravity"] < 0.0:
-            raise TwinError(f"gravity = {shown(table['gravity'])} given, expected 0 or more, in m/s2, downward")
+        if not 0.0 <= values["gravity"] <= STRONGEST:
+            raise TwinError(f"gravity = {shown(table['gravity'])} given, expected 0 to {STRONGEST:g} m/s2, downward")
     if "locked" in table:
         locked = _mapping("locked", table["locked"])
         values["locked"] = {name: _finite(f"locked.{name}", value) for name, value in locked.items()}
@@ -550,7 +553,13 @@ def _link(name: str, table: object, sources: Mapping[str, Source]) -> LinkSettin
 
 def _payload(name: str, table: object, sources: Mapping[str, Source]) -> PayloadSettings:
     mapping = _mapping(name, table)
+    own_name = name.removeprefix("payloads.")
+    # The one is an empty end effector, the other begins the text of a payload on the command line.
+    if own_name == "none" or own_name.startswith("mass="):
+        raise TwinError(f"{name}: expected another name than none, and none that begins with mass=")
     _check_keys(name, mapping, {"mass", "centre", "inertia", "size"})
+    if "mass" not in mapping:
+        raise TwinError(f"{name}: no mass given, expected one, in kg")
     # A number of a scale and the guess of a size have different sources.
     own = {}
     value, own["mass"] = _with_source(f"{name}.mass", mapping.get("mass"), sources.get("mass", Source()))

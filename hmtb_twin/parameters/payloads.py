@@ -30,6 +30,10 @@ class Payload:
         return (roll, pitch, yaw)
 
 
+HEAVIEST, FARTHEST = 1e5, 100.0
+"""Largest mass of a payload, kg, and largest distance of its centre from the tool, m."""
+
+
 @dataclass(frozen=True)
 class Load:
     """A payload of any shape.
@@ -47,8 +51,14 @@ class Load:
     def __post_init__(self) -> None:
         moments = self.principal[0]
         largest = float(moments.max(initial=0.0))
+        far = float(np.abs(self.centre).max())
         if not 0.0 < self.mass < np.inf or not np.isfinite(self.centre).all():
             raise TwinError(f"a payload of {self.mass:g} kg given, expected a mass above 0 kg and a finite centre")
+        if not self.mass <= HEAVIEST or not far <= FARTHEST or not largest <= HEAVIEST * FARTHEST**2:
+            raise TwinError(
+                f"a payload of {self.mass:g} kg, {far:g} m off the tool, with {largest:g} kg m2 given, expected at most "
+                f"{HEAVIEST:g} kg within {FARTHEST:g} m"
+            )
         # No body has a moment above the sum of the other two; a point mass has none at all.
         if moments.min() < -1e-12 * largest or 2.0 * largest > (1.0 + 1e-9) * float(moments.sum()):
             shown_moments = ", ".join(f"{moment:.3g}" for moment in moments)

@@ -17,6 +17,7 @@ from hmtb_twin.control.experiment import Experiment
 from hmtb_twin.control.hand_controller import low_pass
 from hmtb_twin.files.errors import OverloadError
 from hmtb_twin.parameters.values import Recorder
+from hmtb_twin.parameters.variants import VARIANTS
 
 STATE = ("qpos", "qvel", "act", "ctrl", "eq_active")
 """Fields of MuJoCo's state that start from the arm at rest; all others start at zero."""
@@ -122,6 +123,9 @@ class ExperimentRow:
         """Return arm, settings and software of the log; the order is that of the attributes in its file."""
         experiment = self.experiment
         provenance = {"variant": experiment.variant, "payload": experiment.payload}
+        if experiment.variant not in VARIANTS:
+            # Files may change after the run, and the truth with them.
+            provenance["arm_sha256"] = self.arm.description.fingerprint
         changes = [[change.time, change.payload] for change in experiment.payload_changes]
         if changes:
             provenance["payload_changes"] = dumps(changes)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from hmtb_twin.arm.arm import Arm, load_arm
+from hmtb_twin.arm_files.known_arms import arm_named
 from hmtb_twin.bus.joint_log import JointLog
 from hmtb_twin.files.errors import TwinError
 from hmtb_twin.parameters.plant import Plant
@@ -58,6 +59,13 @@ def logged_arm(log: JointLog, payload: str | None = None) -> Arm:
         raise TwinError(f"{log.name}: damaged provenance: {error}") from error
     # Written as in TOML.
     friction = log.provenance["friction"] == "true"
+    variant = log.provenance["variant"]
+    then = log.provenance.get("arm_sha256", "")
+    if then and arm_named(variant).fingerprint != then:
+        raise TwinError(
+            f"{log.name}: the files of the arm {variant} are others than when the log was made; expected those of "
+            "then, as its truth is theirs"
+        )
     return load_arm(log.provenance["variant"], payload, plant=plant, specimen=specimen, friction=friction)
 
 

@@ -161,7 +161,13 @@ def _named_arm(arm: str | None, variant: str | None) -> str | None:
     """The arm that --arm or --variant names; None where neither does."""
     if arm is not None and variant is not None:
         raise ScenarioError(f"--arm {arm} and --variant {variant} given, expected one of them: both name the arm")
-    return arm if variant is None else variant
+    name = arm if variant is None else variant
+    if name is not None:
+        from scenarios.experiments.scenario import known_arm
+
+        # An empty name would be no name below, and the test bed its arm.
+        known_arm(name)
+    return name
 
 
 def _check_sizes(bla: float | None, density: float | None, *, maps: bool) -> None:

@@ -1,5 +1,6 @@
 """Waveform: one period of an excitation in V, as a record and as a file: 100 points, or a signal of any length."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, nan
@@ -263,6 +264,7 @@ def read_signals(path: Path, columns: Sequence[str] = (), sample_rate: float | N
         return (Signal(read_samples(path), float(SAMPLE_RATE) if sample_rate is None else float(sample_rate)),)
     if not path.is_file():
         raise ScenarioError(f"no file {str(path)!r}; expected a table with the column {columns[0]!r}")
+    _check_header(path, columns[0])
     try:
         table, place = text_columns(path, columns)
         times = any(is_time(name) or interval_unit(name) is not None for name in table)
@@ -285,6 +287,21 @@ def read_signals(path: Path, columns: Sequence[str] = (), sample_rate: float | N
     if abs(rate - whole) <= SAME_INTERVAL * rate:
         rate = float(whole)
     return tuple(Signal(tuple(column.tolist()), rate) for column in np.asarray(record.u).T)
+
+
+def _check_header(path: Path, column: str) -> None:
+    """Raise `ScenarioError` if the first line of a table is one of numbers, so that no column has a name."""
+    lines = _content(path, "a table").decode("utf-8-sig", errors="replace").splitlines()
+    first = next((line for line in lines if line.partition("#")[0].strip()), "")
+    try:
+        for cell in re.split(r"[\s,;]+", first.strip()):
+            float(cell)
+    except ValueError:
+        return
+    raise ScenarioError(
+        f"{path.name}: column {column!r} given, but its first line is one of numbers; expected a header with the names "
+        "of its columns, or no column of a file with one number in V per line"
+    )
 
 
 def parse_points(content: bytes, source: str) -> tuple[float, ...]:

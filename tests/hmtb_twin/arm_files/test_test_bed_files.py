@@ -183,7 +183,7 @@ def test_gravity_tuned_payload_and_studied_joints_of_any_arm(tmp_path):
     assert not arm.weight(arm.pose(arm.description.operating_pose)).any()
     assert (arm.payload, arm.description.compared) == ("tool", ("bend",))
     for text, message in (
-        ("gravity = -9.81", "gravity = -9.81 given, expected 0 or more"),
+        ("gravity = -9.81", "gravity = -9.81 given, expected 0 to 1000 m/s2, downward"),
         ('tuned_payload = "box"', "tuned_payload = 'box' given, available: none"),
         ('studied = ["elbow"]', "studied: elbow given, available: swivel, lift, bend"),
         ('indexed = ["lift"]', "which only arms with links have"),
