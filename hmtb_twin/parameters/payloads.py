@@ -56,8 +56,8 @@ class Load:
             raise TwinError(f"a payload of {self.mass:g} kg given, expected a mass above 0 kg and a finite centre")
         if not self.mass <= HEAVIEST or not far <= FARTHEST or not largest <= HEAVIEST * FARTHEST**2:
             raise TwinError(
-                f"a payload of {self.mass:g} kg, {far:g} m off the tool, with {largest:g} kg m2 given, expected at most "
-                f"{HEAVIEST:g} kg within {FARTHEST:g} m"
+                f"a payload of {self.mass:g} kg, {far:g} m off the tool, with {largest:g} kg m2 given, expected at "
+                f"most {HEAVIEST:g} kg within {FARTHEST:g} m"
             )
         # No body has a moment above the sum of the other two; a point mass has none at all.
         if moments.min() < -1e-12 * largest or 2.0 * largest > (1.0 + 1e-9) * float(moments.sum()):
