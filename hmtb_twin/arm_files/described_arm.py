@@ -15,7 +15,7 @@ from hmtb_twin.parameters.arm_description import ArmDescription, RigidModel
 from hmtb_twin.parameters.arm_toml import ArmSettings
 from hmtb_twin.parameters.drives import Actuator, Drive
 from hmtb_twin.parameters.payloads import Load, Payload
-from hmtb_twin.parameters.rules import joint_records, recorder
+from hmtb_twin.parameters.rules import check_pose, joint_records, joints_beyond, recorder
 from hmtb_twin.parameters.servo_valve import POWER_UNIT, PowerUnit
 from hmtb_twin.parameters.values import Motion
 
@@ -251,8 +251,7 @@ def _poses(
     poses: dict[str, tuple[float, ...]] = {}
     # The user's stand first: a pose of the same name in the files does not replace them.
     for name, angles in settings.poses.items():
-        if len(angles) != len(arm.joints):
-            raise TwinError(f"poses.{name}: {len(angles)} angles given, expected {len(arm.joints)}, one for each joint")
+        check_pose(name, angles, motions)
         poses[name] = angles
     model = file.model
     addresses = [int(model.jnt_qposadr[i]) for i in arm.ids]
@@ -266,14 +265,8 @@ def _poses(
     poses.setdefault("zero", (0.0,) * len(arm.joints))
     inside = {}
     for name, angles in poses.items():
-        beyond = []
-        for joint, angle in zip(arm.joints, angles, strict=True):
-            if not motions[joint].lower <= angle <= motions[joint].upper:
-                beyond.append(joint)
-        if beyond and name in settings.poses:
-            raise TwinError(f"poses.{name}: {', '.join(beyond)} beyond the range, expected angles in rad within it")
         # A pose of the files that settings have put out of range, or zero where the range leaves it out, is none.
-        if not beyond:
+        if not joints_beyond(angles, motions):
             inside[name] = angles
     return inside
 

@@ -346,16 +346,10 @@ def _check_files(top: Path, path: Path, above: tuple[Path, ...]) -> None:
     except (OSError, UnicodeDecodeError, ElementTree.ParseError):
         # MuJoCo says it better.
         return
-    folder = top.parent.resolve()
     for element in root.iter():
         if element.tag not in ("include", "model", "hfield", "skin") or not element.get("file"):
             continue
-        place = (folder / str(element.get("file"))).resolve()
-        if not place.is_relative_to(folder):
-            raise TwinError(
-                f"{top.name}: file {shown(element.get('file'))} given, which lies outside the folder of the model; "
-                "expected files beside the model or below"
-            )
+        place = _inside(top, str(element.get("file")))
         # MuJoCo refuses a file that includes itself.
         if element.tag == "include" and place not in above and place != path.resolve():
             _check_files(top, place, (*above, path.resolve()))
@@ -384,17 +378,22 @@ def _check_finite(name: str, model: mujoco.MjModel) -> None:
 
 def _check_paths(path: Path, spec: mujoco.MjSpec) -> None:
     """Raise `TwinError` if a mesh or texture lies outside the folder of the model."""
-    folder = path.parent.resolve()
     for directory, assets in ((spec.meshdir, spec.meshes), (spec.texturedir, spec.textures)):
         for asset in assets:
-            if not asset.file:
-                continue
-            place = (folder / directory / asset.file).resolve()
-            if not place.is_relative_to(folder):
-                raise TwinError(
-                    f"{path.name}: file {shown(asset.file)} given, which lies outside the folder of the model; "
-                    "expected files beside the model or below"
-                )
+            if asset.file:
+                _inside(path, asset.file, directory)
+
+
+def _inside(model: Path, file: str, directory: str = "") -> Path:
+    """Return the place of a file that a model names; raises `TwinError` if it is outside the model's folder."""
+    folder = model.parent.resolve()
+    place = (folder / directory / file).resolve()
+    if not place.is_relative_to(folder):
+        raise TwinError(
+            f"{model.name}: file {shown(file)} given, which lies outside the folder of the model; expected files "
+            "beside the model or below"
+        )
+    return place
 
 
 def _parsed(name: str, parse: Callable[[], mujoco.MjSpec]) -> mujoco.MjSpec:

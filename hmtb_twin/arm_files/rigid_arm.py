@@ -337,10 +337,10 @@ def _mjcf(name: str, model: mujoco.MjModel, data: mujoco.MjData, ids: Sequence[i
     links = list(dict.fromkeys(int(model.jnt_bodyid[i]) for i in ids))
     origin: Pose = (np.zeros(3), np.eye(3))
     # Bodies that no joint of the arm parts become one link; those that stand still are the ground.
-    for link, link_name in zip(links, _link_names(model, links), strict=True):
+    for place, (link, link_name) in enumerate(zip(links, _link_names(model, links), strict=True)):
         frame = (data.xpos[link], data.xmat[link].reshape(3, 3))
         parent = _add_body(parent, link_name, origin, frame)
-        fixed = _moved_by(model, link, links[links.index(link) + 1 :])
+        fixed = _moved_by(model, link, links[place + 1 :])
         _add_inertia(name, link_name, parent, model, data, fixed, frame)
         for i in ids:
             if model.jnt_bodyid[i] == link:

@@ -8,7 +8,7 @@ from hmtb_twin.parameters.arm_description import ArmDescription
 from hmtb_twin.parameters.arm_toml import LINK_UNITS, PAYLOAD_UNITS, ArmSettings, ResolverSettings
 from hmtb_twin.parameters.payloads import Load, Payload
 from hmtb_twin.parameters.quantity import Provenance
-from hmtb_twin.parameters.rules import joint_records, recorder
+from hmtb_twin.parameters.rules import check_pose, joint_records, recorder
 from hmtb_twin.parameters.values import Link
 
 MODEL = "hmtb.xml"
@@ -35,7 +35,8 @@ def chain_arm(name: str, settings: ArmSettings) -> ArmDescription:
     joints = settings.joints
     # The model file tells nothing of drives and ranges, and weighing would take MuJoCo: every torque is given.
     records = joint_records(settings, {joint: {} for joint in joints}, None)
-    _check_poses(settings, {joint: (motion.lower, motion.upper) for joint, motion in records.motions.items()})
+    for pose, angles in settings.poses.items():
+        check_pose(pose, angles, records.motions)
     resolvers, of_resolvers = recorder(settings.resolver)
     # Those of the test bed have rows of their own in its table.
     told = of_resolvers if settings.resolver != ResolverSettings() else ()
@@ -81,17 +82,6 @@ def _check_chain(settings: ArmSettings) -> None:
         unknown = [joint for joint in getattr(settings, key) if joint not in joints]
         if unknown:
             raise TwinError(f"{key}: {', '.join(unknown)} given, available: {', '.join(joints)}")
-
-
-def _check_poses(settings: ArmSettings, ranges: dict[str, tuple[float, float]]) -> None:
-    """Raise `TwinError` for poses of another number of joints, or beyond their ranges."""
-    for name, angles in settings.poses.items():
-        if len(angles) != len(ranges):
-            raise TwinError(f"poses.{name}: {len(angles)} angles given, expected {len(ranges)}, one for each joint")
-        # Commands are clipped to the ranges: an arm at such a pose would jump.
-        for (joint, (lower, upper)), angle in zip(ranges.items(), angles, strict=True):
-            if not lower <= angle <= upper:
-                raise TwinError(f"poses.{name}: {joint} beyond the range, expected angles in rad within it")
 
 
 def _links(settings: ArmSettings) -> dict[str, Link]:

@@ -1,6 +1,6 @@
 """Rules for what the files of an arm leave out; every number that a rule supplies is tagged `assumed`."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import chain
 from math import pi
@@ -168,6 +168,25 @@ def _given_gains(numbers: Iterable[Numbers]) -> dict[str, tuple[float, float]]:
         if kp is not None and kd is not None:
             gains[one.joint] = (kp.value, kd.value)
     return gains
+
+
+def check_pose(name: str, angles: Sequence[float], motions: Mapping[str, Motion]) -> None:
+    """Raise `TwinError` for a given pose of another number of joints, or beyond their ranges."""
+    if len(angles) != len(motions):
+        raise TwinError(f"poses.{name}: {len(angles)} angles given, expected {len(motions)}, one for each joint")
+    # Commands are clipped to the ranges: an arm at such a pose would jump.
+    beyond = joints_beyond(angles, motions)
+    if beyond:
+        raise TwinError(f"poses.{name}: {', '.join(beyond)} beyond the range, expected angles in rad within it")
+
+
+def joints_beyond(angles: Sequence[float], motions: Mapping[str, Motion]) -> list[str]:
+    """Joints whose angles of a pose (n,), rad, are beyond their ranges."""
+    beyond = []
+    for (joint, motion_of_joint), angle in zip(motions.items(), angles, strict=True):
+        if not motion_of_joint.lower <= angle <= motion_of_joint.upper:
+            beyond.append(joint)
+    return beyond
 
 
 def recorder(given: ResolverSettings) -> tuple[Recorder, tuple[Provenance, ...]]:
