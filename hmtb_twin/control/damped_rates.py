@@ -187,7 +187,7 @@ def _change(
     change, damping = damped_step(jacobian, error, trust)
     held = bool(((change > upper) | (change < lower)).any())
     if held:
-        change, damping = bounded_step(jacobian, error, lower, upper, trust)
+        change, damping = step_within_bounds(jacobian, error, lower, upper, trust)
     largest = float(np.abs(change).max())
     if largest > STRIDE:
         # Far from the target the linearisation leads astray.
@@ -224,7 +224,7 @@ def damped_step(jacobian: np.ndarray, error: np.ndarray, least_damping: float = 
     return right.T @ (gains * (left.T @ error)), damping
 
 
-def bounded_step(
+def step_within_bounds(
     jacobian: np.ndarray, error: np.ndarray, lower: np.ndarray, upper: np.ndarray, least_damping: float = 0.0
 ) -> tuple[np.ndarray, float]:
     """Solve the damped least squares of `damped_step` within bounds of each joint's motion [StarkParker1995].

@@ -9,7 +9,7 @@ import pytest
 
 from hmtb_twin import load_arm, simulate
 from hmtb_twin.arm_files.known_arms import arm_named
-from hmtb_twin.control.damped_rates import DAMPING, DampedRates, bounded_step, damped_step
+from hmtb_twin.control.damped_rates import DAMPING, DampedRates, damped_step, step_within_bounds
 from scenarios.experiments import Excitation, Scenario
 from tests.refusals import refused
 
@@ -206,7 +206,7 @@ def test_steps_within_bounds_are_the_least_squares_within_them():
     for _ in range(50):
         jacobian, error = rng.standard_normal((6, 7)), rng.standard_normal(6)
         lower, upper = -rng.uniform(0.01, 0.5, 7), rng.uniform(0.01, 0.5, 7)
-        step, damping = bounded_step(jacobian, error, lower, upper)
+        step, damping = step_within_bounds(jacobian, error, lower, upper)
         assert (step >= lower).all() and (step <= upper).all()
         slope = jacobian.T @ (error - jacobian @ step) - damping**2 * step
         inside = (step > lower) & (step < upper)
